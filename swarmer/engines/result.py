@@ -1,0 +1,92 @@
+"""What every engine gives, and what may watch it while it runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from swarmer.plan import Plan
+
+
+class Snapshot(NamedTuple):
+    """All FLSs at one moment; row i is FID i + 1. The arrays belong to the receiver."""
+
+    t_s: float  # emulated seconds since the go signal
+    position: NDArray[np.float64]  # (F, 3), display cells, the estimated truth
+    swarm: NDArray[np.int32]  # (F,), Swarm-ID; 0 while dark
+    state: NDArray[np.int8]  # (F,), index into swarmer.state_machine.State
+    lit: NDArray[np.bool_]  # (F,)
+    alive: NDArray[np.bool_]  # (F,), False between a failure and its replacement
+    counters: dict[str, float]  # totals since time 0, by their name in the summary
+    live: Live
+
+
+class Lateness(NamedTuple):
+    """How late something was, in emulated milliseconds."""
+
+    p50: float
+    p99: float
+    max: float
+
+
+class Live(NamedTuple):
+    """What an engine knows of its own health at a sample; None where it has no such thing."""
+
+    time_scale: float | None  # emulated seconds per wall second, now
+    timer_late_ms: Lateness | None  # of the last few seconds
+    handled_late_ms: Lateness | None
+    processes: int | None
+    memory_mb: float | None  # private memory of all FLSs together
+    faithful: bool | None
+
+
+class Event(NamedTuple):
+    """Something worth a line in events.csv: a failure, a replacement, a thaw, one swarm, ..."""
+
+    t_s: float
+    kind: str
+    fid: int  # 0 where no single FLS is meant
+    text: str
+
+
+class Observer(Protocol):
+    """Watches a run. An engine calls it from one thread and never waits for more than it needs."""
+
+    def planned(self, plan: Plan) -> None:
+        """The plan stands and nothing has started."""
+
+    def launching(self, ready: int, total: int) -> None:
+        """`ready` of `total` FLSs are ready to fly."""
+
+    def go(self, launch_s: float) -> None:
+        """Time 0: every FLS is ready; getting there took `launch_s` wall seconds."""
+
+    def sample(self, snapshot: Snapshot) -> bool:
+        """Take one sample; True asks the engine to stop, because what was waited for is reached."""
+
+    def event(self, event: Event) -> None:
+        """Something happened."""
+
+
+@dataclass(slots=True)
+class RunResult:
+    """How a run ended, whatever the engine; what an engine does not have stays None."""
+
+    engine: str
+    status: str  # done | interrupted | failed
+    emulated_s: float
+    wall_s: float
+    launch_s: float | None = None
+    message: str = ""  # why, when the status is not `done`
+    counters: dict[str, float] = field(default_factory=dict)
+    time_scale: float | None = None  # used: emulated seconds per wall second over the whole run
+    timer_late_ms: Lateness | None = None
+    handled_late_ms: Lateness | None = None
+    processes: int | None = None
+    memory_mb_per_fls: float | None = None
+    faithful: bool | None = None
+    suggested_time_scale: float | None = None
