@@ -1,0 +1,236 @@
+"""Names become things: a shape becomes points and planned neighbours, names of policies and techniques become objects.
+
+`make_plan` turns the settings into a `Plan`, once, before anything starts; unknown names are refused here. A plan holds
+`Rules`, plain data that travels to wherever an FLS runs; there `make_machine` builds the state machine from them.
+Importing this file costs no numpy: FLS processes do.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import MutableSequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from importlib import import_module
+from importlib.metadata import entry_points
+from random import Random
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from swarmer.errors import BadInput
+from swarmer.physics.flight import Velocity
+from swarmer.physics.sensing import MODELS as SENSOR_MODELS
+from swarmer.physics.sensing import Sensor
+from swarmer.plugins import ENTRY_POINTS, Localizer
+from swarmer.protocol import thaw
+from swarmer.protocol.anchor_selection import STRATEGIES
+from swarmer.protocol.challenge_policy import ChallengePolicy, Decay, RComplete
+from swarmer.radio import EndRules
+from swarmer.state_machine import Identity, MachineSettings, StateMachine
+
+if TYPE_CHECKING:
+    from swarmer.config import RunConfig
+    from swarmer.shapes.cloud import PointCloud
+    from swarmer.shapes.neighbours import NeighbourPlan
+
+
+class Rules(NamedTuple):
+    """Every rule of a run as plain data: seconds, cells, radians, names. What an FLS is made from, wherever it runs."""
+
+    count: int  # F
+    dim: int
+    lambda_s: float
+    epsilon: float
+    lease_s: float
+    lease_margin_s: float
+    m: float | None  # None: no limit
+    waiting_bound_s: float
+    waiting_ends_at_tick: bool
+    flight_threshold: float
+    range_start: float | None  # None: each FLS's farthest planned neighbour
+    range_step: float
+    range_max: float
+    range_estimated: bool
+    challenge_policy: str
+    challenge_decay: float
+    challenge_on_available: bool
+    probe_every: int
+    accept_gap_s: float
+    neighbour_reply: bool
+    busy_join: str
+    epochs: bool
+    anchor: str
+    technique: str  # "module:class"
+    thaw_policy: str
+    thaw_h_s: float
+    thaw_spread: float
+    thaw_repeat: float
+    dead_reckoning: str
+    velocity: tuple[float, float, float]
+    sensing_model: str
+    sensing_error: float
+    sensing_accurate: float
+    sensing_samples: int
+    sensing_average: str
+    sensing_sample_s: float
+    sender: tuple[float, ...]  # radio.EndRules
+    receiver: tuple[float, ...]
+    deploy_random: bool
+    deploy_shared_error: bool
+    launch_rate: float  # FLSs per second and dispatcher; 0: all at once
+    failure_rate: float
+    battery_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """Everything a run stands on. Row i of the cloud is the ground truth of FID i + 1."""
+
+    config: RunConfig
+    cloud: PointCloud
+    neighbours: NeighbourPlan
+    rules: Rules
+    diagonal_cells: float  # of the display
+
+    @property
+    def size(self) -> int:
+        """F, the number of FLSs."""
+        return len(self.cloud)
+
+
+def make_plan(config: RunConfig) -> Plan:
+    """Plan a run. Raises BadInput for a shape, a technique or an η that cannot be."""
+    from swarmer.shapes.catalogue import load_shape
+    from swarmer.shapes.neighbours import neighbour_plan
+
+    technique = find_technique(config.technique)
+    cloud = load_shape(config.shape, config.points, config.duplicates, config.seed)
+    neighbours = neighbour_plan(cloud.points, config.eta, config.neighbours)
+    diagonal = math.dist((0.0, 0.0, 0.0), cloud.box_cells)
+    return Plan(config, cloud, neighbours, make_rules(config, len(cloud), cloud.dim, diagonal, technique), diagonal)
+
+
+def find_technique(name: str) -> str:
+    """Where the technique's class is, as "module:class". Raises BadInput with the nearest name."""
+    known = {entry.name: entry.value for entry in entry_points(group=ENTRY_POINTS)}
+    if name in known:
+        return known[name]
+    near = get_close_matches(name, known, 1)
+    hint = f"did you mean {near[0]!r}?" if near else "installed are"
+    raise BadInput("technique", name, f"{hint} {', '.join(sorted(known)) or 'none: is swarmer installed?'}")
+
+
+def make_rules(config: RunConfig, count: int, dim: int, diagonal: float, technique: str) -> Rules:
+    """The settings as plain data, in seconds, cells and radians."""
+    c, radio = config, config.radio
+    cell = c.flight.cell_m
+    return Rules(
+        count=count,
+        dim=dim,
+        lambda_s=c.lambda_ms / 1e3,
+        epsilon=math.radians(c.epsilon_deg),
+        lease_s=c.lease_ms / 1e3,
+        lease_margin_s=c.lease_margin_ms / 1e3,
+        m=None if math.isinf(c.merge_limit) else c.merge_limit,
+        waiting_bound_s=c.waiting_bound / 1e3,
+        waiting_ends_at_tick=c.waiting_ends == "tick",
+        flight_threshold=c.flight_threshold_cells,
+        range_start=c.range.start_cells,
+        range_step=c.range.step_cells,
+        range_max=diagonal if c.range.max_cells is None else c.range.max_cells,
+        range_estimated=c.range.measured == "estimated",
+        challenge_policy=c.challenge_policy,
+        challenge_decay=c.challenge_decay,
+        challenge_on_available=c.challenge_on_available,
+        probe_every=c.probe_every,
+        accept_gap_s=c.accept_gap_ms / 1e3,
+        neighbour_reply=c.neighbour_reply,
+        busy_join=c.busy_join,
+        epochs=c.epochs,
+        anchor=c.anchor,
+        technique=technique,
+        thaw_policy=c.thaw.policy,
+        thaw_h_s=c.thaw_h_s(count),
+        thaw_spread=c.thaw.spread,
+        thaw_repeat=c.thaw.repeat,
+        dead_reckoning=c.flight.dead_reckoning,
+        velocity=(c.flight.speed_m_s / cell, c.flight.acceleration_m_s2 / cell, c.flight.braking_m_s2 / cell),
+        sensing_model=c.sensing.model,
+        sensing_error=c.sensing.error_percent / 100,
+        sensing_accurate=c.sensing.accurate_probability,
+        sensing_samples=c.sensing.samples,
+        sensing_average=c.sensing.average,
+        sensing_sample_s=c.sensing.sample_ms / 1e3,
+        sender=EndRules(radio.sender_loss, radio.sender_duplicate, radio.sender_reorder, radio.reorder_ms / 1e3),
+        receiver=EndRules(
+            radio.receiver_loss, radio.receiver_duplicate, radio.receiver_reorder, radio.reorder_ms / 1e3,
+            radio.delay_ms / 1e3, radio.jitter_ms / 1e3,
+        ),
+        deploy_random=c.deploy.start == "random",
+        deploy_shared_error=c.deploy.error == "shared",
+        launch_rate=c.deploy.rate_per_s,
+        failure_rate=c.failure.rate,
+        battery_s=c.failure.battery_s,
+    )  # fmt: skip
+
+
+def make_machine(
+    rules: Rules,
+    identity: Identity,
+    neighbours: tuple[int, ...],
+    reach: float,
+    rng: Random,
+    counts: MutableSequence[int] | None = None,
+    epoch: int = 0,
+) -> StateMachine:
+    """The state machine of one FLS. reach: cells to its farthest planned neighbour."""
+    start = reach if rules.range_start is None else rules.range_start
+    settings = MachineSettings(
+        lambda_s=rules.lambda_s,
+        lease_s=rules.lease_s,
+        lease_margin_s=rules.lease_margin_s,
+        m=math.inf if rules.m is None else rules.m,
+        waiting_bound_s=1e9 if rules.waiting_ends_at_tick else rules.waiting_bound_s,
+        waiting_ends_at_tick=rules.waiting_ends_at_tick,
+        flight_threshold=rules.flight_threshold,
+        range_start=min(start, rules.range_max),
+        range_step=rules.range_step,
+        range_max=rules.range_max,
+        challenge_on_available=rules.challenge_on_available,
+        accept_gap_s=rules.accept_gap_s,
+        neighbour_reply=rules.neighbour_reply,
+        busy_join=rules.busy_join,
+        epochs=rules.epochs,
+        thaw_repeat=rules.thaw_repeat,
+        anchors=STRATEGIES[rules.anchor],
+        localizer=make_localizer(rules.technique),
+    )
+    challenges: ChallengePolicy = (
+        Decay(rules.challenge_decay) if rules.challenge_policy == "decay" else RComplete(rules.probe_every)
+    )
+    thaws = thaw.Timer(rules.thaw_h_s, rules.thaw_spread) if rules.thaw_policy == "timer" else thaw.Never()
+    return StateMachine(identity, neighbours, settings, challenges, thaws, rng, counts, epoch)
+
+
+def make_localizer(technique: str) -> Localizer:
+    """The technique at "module:class". Raises ImportError or AttributeError if it is not there."""
+    module, _, name = technique.partition(":")
+    localizer: Localizer = getattr(import_module(module), name)()
+    return localizer
+
+
+def make_sensor(rules: Rules) -> Sensor:
+    error = SENSOR_MODELS[rules.sensing_model](rules.sensing_error, rules.sensing_accurate)
+    return Sensor(error, rules.sensing_samples, rules.sensing_average, rules.sensing_sample_s)
+
+
+def make_velocity(rules: Rules) -> Velocity:
+    return Velocity(*rules.velocity)
+
+
+def as_data(rules: Rules) -> dict[str, Any]:
+    """Rules as JSON takes them."""
+    return rules._asdict()
+
+
+def from_data(data: dict[str, Any]) -> Rules:
+    return Rules(**data)

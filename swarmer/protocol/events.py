@@ -1,0 +1,120 @@
+"""What happens to an FLS (events) and what it decides (actions): small immutable records.
+
+An engine supplies the events and performs the actions, in order. Times are emulated seconds, vectors display cells.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple
+
+from swarmer.messages import Message, Vec3
+
+
+class Timer(IntEnum):
+    """The purposes an FLS has a timer for; at most one of each is armed."""
+
+    CHALLENGE = 0  # the free-running tick, about every lambda
+    BOUND = 1  # a Waiting FLS that hears nothing becomes Available
+    LEASE = 2  # the anchor's next lease is over
+    RENEW = 3  # half a lease: the localizer renews
+    THAW = 4  # this FLS thaws the display
+
+
+class Local(IntEnum):
+    """Keys of the table for what is no message; beyond every Kind, so one table holds both."""
+
+    CHALLENGE_DUE = 100
+    BOUND_OVER = 101
+    LEASE_OVER = 102
+    RENEW_DUE = 103
+    THAW_DUE = 104
+    LAUNCH = 110
+    LANDED = 111
+    MEASURED = 112
+    BATTERY_LOW = 113
+
+
+class Received(NamedTuple):
+    """A datagram reached this FLS. `noted` ones only tell the sender's Swarm-ID (rule 8)."""
+
+    message: Message
+    noted: bool = False
+
+
+class Due(NamedTuple):
+    """An armed timer is over."""
+
+    timer: Timer
+
+
+class Launch(NamedTuple):
+    """The dispatcher lets go; the FLS is at `origin`."""
+
+    origin: Vec3
+
+
+class Landed(NamedTuple):
+    """The flight that `Fly` asked for has ended."""
+
+
+class Measured(NamedTuple):
+    """The sensor's answer to `Measure`: the vector from this FLS to the anchor."""
+
+    vector: Vec3
+
+
+class BatteryLow(NamedTuple):
+    """The FLS must go and charge (rule 13)."""
+
+
+Event = Received | Due | Launch | Landed | Measured | BatteryLow
+
+
+class Send(NamedTuple):
+    message: Message
+
+
+class Fly(NamedTuple):
+    """Fly by dead reckoning along `vector`. The engine answers with `Landed`; until then the FLS is busy."""
+
+    vector: Vec3
+
+
+class Measure(NamedTuple):
+    """Measure the vector to the sender of `message`, which is at hand. The engine answers with `Measured`."""
+
+    message: Message
+
+
+class Arm(NamedTuple):
+    """Set a timer, in place of the one of the same purpose."""
+
+    timer: Timer
+    at_s: float
+
+
+class Disarm(NamedTuple):
+    timer: Timer
+
+
+class Depart(NamedTuple):
+    """Go dark and fly home: the FLS's life ends."""
+
+
+Action = Send | Fly | Measure | Arm | Disarm | Depart
+
+
+class Count(IntEnum):
+    """What the machine counts, in the list it was handed."""
+
+    LOCALIZATIONS = 0  # times it localized relative to an anchor
+    ANCHORINGS = 1  # times it became Busy Anchor
+    LEASES_GRANTED = 2
+    LEASES_EXPIRED = 3
+    THAWS_STARTED = 4  # THAWs it began itself
+    THAWS_OBEYED = 5
+    HANDLED = 6  # messages that had a rule
+    IGNORED = 7  # messages without a rule in the present state, or no longer addressed to it
+    STALE = 8  # datagrams of an earlier epoch
+    JOINS = 9  # pairings with a newcomer (rule 10)

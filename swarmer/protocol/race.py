@@ -1,0 +1,74 @@
+"""What the network thread answers at once, without waiting for the handler (rules 8 and 9).
+
+One pure function of a message and the state that the handler last published, used by every engine. It decides what
+is certain; what it lets through the handler judges again by the state of its own moment.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+from swarmer.messages import Kind, Message, Swarm
+
+
+class Published(Protocol):
+    """The part of an FLS's state that its network thread may read."""
+
+    @property
+    def awake(self) -> bool:
+        """Lit and on the air; False while Deploying."""
+
+    @property
+    def epoch(self) -> int: ...
+
+    @property
+    def flying(self) -> bool: ...
+
+    @property
+    def available(self) -> bool: ...
+
+    @property
+    def anchoring(self) -> bool:
+        """It anchors (BA), or waits because its swarm does (Wa)."""
+
+    @property
+    def swarm(self) -> Swarm: ...
+
+
+class Verdict(NamedTuple):
+    """What the network thread does with a datagram."""
+
+    reply: Kind | None  # answered at once
+    queue: bool  # goes on to the handler
+    note: bool = False  # the handler only notes the sender's Swarm-ID
+
+
+QUEUE = Verdict(None, True)
+DROP = Verdict(None, False)
+NOTE = Verdict(None, False, True)
+NOTE_AND_ANSWER = Verdict(Kind.NEIGHBOUR, False, True)
+CANCEL = Verdict(Kind.LEASE_CANCEL, False)
+
+
+def judge(message: Message, state: Published, neighbours: frozenset[int], neighbour_reply: bool) -> Verdict:
+    """Answer, drop or queue `message`, which the radio found to be addressed to this FLS."""
+    kind = message.kind
+    if message.epoch != state.epoch:
+        return QUEUE  # one of the two has missed a thaw, and only the handler may obey it
+    if kind == Kind.CHALLENGE_INIT:
+        if not state.awake or state.flying:
+            return DROP
+        if message.swarm != state.swarm:
+            return QUEUE if state.available or state.anchoring else NOTE
+        answers = neighbour_reply and message.sender in neighbours
+        return NOTE_AND_ANSWER if answers else NOTE
+    if kind == Kind.CHALLENGE_ACK and state.awake and not can_pair(message, state):
+        return CANCEL
+    return QUEUE
+
+
+def can_pair(message: Message, state: Published) -> bool:
+    """Rule 3 asked again with the present state. Whose Swarm-ID wins and M are left to the handler's judgement."""
+    if state.flying or message.other != state.swarm:
+        return False
+    return state.available or state.anchoring

@@ -1,0 +1,141 @@
+"""The radio's rules, pure: who is addressed, who is in range, what is lost, late, doubled or out of date (section 5).
+
+Every engine asks these rules; `udp_wrapper` lets the kernel's filter apply the first ones early, and asks again.
+"""
+
+from __future__ import annotations
+
+from math import ceil, dist
+from random import Random
+from typing import NamedTuple
+
+from swarmer.messages import ENGINE_FID, NO_SWARM, Kind, Message, Stamp, Swarm, To, Vec3
+
+WINDOW = 64  # datagrams behind the newest that may still arrive: an FLS listens on two sockets (rule 12)
+
+
+class Ears(NamedTuple):
+    """Who listens: what the rules need to know of a receiver."""
+
+    run: int
+    fid: int
+    swarm: Swarm  # NO_SWARM while dark
+    truth: Vec3
+
+
+def heard(
+    message: Message, stamp: Stamp, ears: Ears, count: int, origin_range: Vec3 | None = None
+) -> str | None:
+    """Why these ears do not take a datagram (`run`, `sender`, `address`, `range`), or None if they do.
+
+    count: F, the number of FLSs of the run. origin_range: where the receiver really is, if the range is measured
+    between positions and not between points (the authors' code).
+    """
+    if stamp.run != ears.run:
+        return "run"
+    if message.sender > count or message.sender == ears.fid:
+        return "sender"
+    if message.to == To.FLS:
+        if message.addressee.xi != ears.fid:
+            return "address"
+    elif message.to == To.SWARM and (message.addressee != ears.swarm or ears.swarm == NO_SWARM):
+        return "address"
+    if message.kind != Kind.CHALLENGE_INIT:  # all others go with the maximum range
+        return None
+    if origin_range is None:
+        far = dist(message.truth, ears.truth) > message.range
+    else:
+        far = dist(stamp.origin, origin_range) > message.range
+    return "range" if far else None
+
+
+class Grid(NamedTuple):
+    """Ground truth in whole steps, as the kernel's filter computes with it: squares of distances fit 32 bits."""
+
+    steps_per_cell: float
+
+    @classmethod
+    def for_display(cls, diagonal: float) -> Grid:
+        """A grid as fine as 32 bits allow, at most 1/256 of a cell."""
+        return cls(min(256.0, 30_000.0 / max(diagonal, 1.0)))
+
+    def of(self, point: Vec3) -> tuple[int, int, int]:
+        """The nearest grid point, modulo 2^32: differences come out right whatever the sign."""
+        k = self.steps_per_cell
+        return (round(point[0] * k) & 0xFFFFFFFF, round(point[1] * k) & 0xFFFFFFFF, round(point[2] * k) & 0xFFFFFFFF)
+
+    def reach2(self, radius: float) -> int:
+        """Squared range on the grid, rounded up by more than rounding two points can cost (never too small)."""
+        steps = ceil(radius * self.steps_per_cell) + 2
+        return min(steps * steps, 0xFFFFFFFF)
+
+
+class EndRules(NamedTuple):
+    """What one end of the radio does to datagrams: probabilities, and emulated seconds."""
+
+    loss: float = 0.0
+    duplicate: float = 0.0
+    reorder: float = 0.0  # probability of being held back by `reorder_s`
+    reorder_s: float = 0.0
+    delay_s: float = 0.0
+    jitter_s: float = 0.0  # the delay is off by a time uniform in [-jitter, jitter], never below 0
+
+    @property
+    def perfect(self) -> bool:
+        return not any(self)
+
+
+DELIVERED_NOW = (0.0,)
+LOST: tuple[float, ...] = ()
+
+
+def fate(rules: EndRules, rng: Random) -> tuple[float, ...]:
+    """After how many emulated seconds each copy of a datagram goes on; empty if it is lost.
+
+    Every call draws equally often, so one fault turned on does not change another's draws.
+    """
+    lost, doubled, held, jitter = rng.random(), rng.random(), rng.random(), rng.uniform(-1.0, 1.0)
+    if lost < rules.loss:
+        return LOST
+    delay = max(0.0, rules.delay_s + jitter * rules.jitter_s)
+    if held < rules.reorder:
+        delay += rules.reorder_s
+    return (delay, delay) if doubled < rules.duplicate else (delay,)
+
+
+class ReplayWindow:
+    """Drops what was received before, is too old, or comes from a predecessor (rule 12).
+
+    window: how far behind the newest number a datagram may arrive; 0 is the paper's rule, only newer ones.
+    """
+
+    __slots__ = ("_seen", "window")
+
+    def __init__(self, window: int = WINDOW) -> None:
+        self.window = window
+        # sender -> (incarnation, newest number, bit k: newest - k was received)
+        self._seen: dict[int, tuple[int, int, int]] = {}
+
+    def fresh(self, sender: int, incarnation: int, number: int) -> bool:
+        """True once for each datagram that is new; then it counts as received."""
+        seen = self._seen.get(sender)
+        if seen is None or incarnation > seen[0]:
+            self._seen[sender] = (incarnation, number, 1)
+            return True
+        known, newest, bits = seen
+        if incarnation < known:
+            return False
+        ahead = ((number - newest + 0x80000000) & 0xFFFFFFFF) - 0x80000000  # numbers wrap at 32 bits
+        if ahead > 0:
+            mask = (1 << (self.window + 1)) - 1
+            self._seen[sender] = (known, number, ((bits << ahead) | 1) & mask if ahead <= self.window else 1)
+            return True
+        if -ahead > self.window or bits >> -ahead & 1:
+            return False
+        self._seen[sender] = (known, newest, bits | 1 << -ahead)
+        return True
+
+
+def is_control(message: Message) -> bool:
+    """From the engine, not from an FLS: no range, loss or delay applies."""
+    return message.sender == ENGINE_FID
