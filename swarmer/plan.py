@@ -10,9 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import MutableSequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from importlib import import_module
-from importlib.metadata import entry_points
 from random import Random
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -111,6 +109,9 @@ def make_plan(config: RunConfig) -> Plan:
 
 def find_technique(name: str) -> str:
     """Where the technique's class is, as "module:class". Raises BadInput with the nearest name."""
+    from difflib import get_close_matches
+    from importlib.metadata import entry_points  # both only here: FLS processes import this file
+
     known = {entry.name: entry.value for entry in entry_points(group=ENTRY_POINTS)}
     if name in known:
         return known[name]

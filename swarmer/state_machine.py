@@ -121,6 +121,7 @@ class View(NamedTuple):
     available: bool
     anchoring: bool
     swarm: Swarm
+    size: int
 
 
 class ProtocolBug(RuntimeError):
@@ -199,16 +200,11 @@ class StateMachine:
         """R-Complete (rule 9)."""
         return self.beliefs.complete(self.swarm)
 
-    def reply(self, message: Message, kind: Kind) -> Message:
-        """What the network thread sends when `race.judge` answers at once."""
-        return Message(
-            kind, self.fid, self.incarnation, self.epoch, self.swarm, self.size, self.truth, To.FLS,
-            Swarm(message.sender, 0), 0, message.challenge, self.settings.range_max,
-        )  # fmt: skip
-
     def view(self) -> View:
         """An immutable copy of what the network thread may know."""
-        return View(self.awake, self.epoch, self.flying, self.available, self.anchoring, self.swarm)
+        return View(
+            self.awake, self.epoch, self.flying, self.available, self.anchoring, self.swarm, self.size
+        )
 
     # -- the way in ----------------------------------------------------------------------------------------------
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from random import Random
-from statistics import fmean, median
 from typing import NamedTuple
 
 Vec3 = tuple[float, float, float]
@@ -27,8 +26,14 @@ class Sensor(NamedTuple):
     def measure(self, vector: Vec3, rng: Random) -> Vec3:
         """The vector as sensed, display cells: the angles are right, the length is off."""
         factors = [self.error(rng) for _ in range(self.samples)]
-        factor = fmean(factors) if self.average == "mean" else median(factors)
+        factor = sum(factors) / len(factors) if self.average == "mean" else _median(factors)
         return (vector[0] * factor, vector[1] * factor, vector[2] * factor)
+
+
+def _median(values: list[float]) -> float:
+    # Not statistics.median: that module costs every FLS process half a megabyte.
+    ordered, half = sorted(values), len(values) // 2
+    return ordered[half] if len(values) % 2 else (ordered[half - 1] + ordered[half]) / 2
 
 
 def none(share: float, accurate_probability: float) -> SensorErrorModel:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-from swarmer.messages import Kind, Message, Swarm
+from swarmer.messages import LARGEST, Kind, Message, Swarm, To, Vec3
 
 
 class Published(Protocol):
@@ -33,6 +33,9 @@ class Published(Protocol):
 
     @property
     def swarm(self) -> Swarm: ...
+
+    @property
+    def size(self) -> int: ...
 
 
 class Verdict(NamedTuple):
@@ -72,3 +75,11 @@ def can_pair(message: Message, state: Published) -> bool:
     if state.flying or message.other != state.swarm:
         return False
     return state.available or state.anchoring
+
+
+def answer(message: Message, kind: Kind, state: Published, fid: int, incarnation: int, truth: Vec3) -> Message:
+    """The reply that `judge` asked for, from this FLS to the sender of `message`."""
+    return Message(
+        kind, fid, incarnation, state.epoch, state.swarm, state.size, truth, To.FLS, Swarm(message.sender, 0),
+        0, message.challenge, LARGEST,
+    )  # fmt: skip

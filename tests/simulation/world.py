@@ -133,7 +133,7 @@ class World:
         if verdict.note:
             self.feed(fid, body, Received(message, noted=True))
         if verdict.reply is not None:
-            self.perform(fid, body, [Send(m.reply(message, verdict.reply))], None)
+            self.perform(fid, body, [Send(race.answer(message, verdict.reply, m, fid, m.incarnation, m.truth))], None)
         if verdict.queue:
             self.handled += 1
             self.feed(fid, body, Received(message), stamp)

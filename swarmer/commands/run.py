@@ -1,0 +1,139 @@
+"""`swarmer-run`: one run, from the settings to its run directory.
+
+The help is written out here, because reading it from the settings would cost a fifth of a second; a test compares the
+two. Everything else is imported once there is something to run.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from swarmer.errors import RunFailed
+
+if TYPE_CHECKING:
+    from swarmer.config import RunConfig
+    from swarmer.engines.result import RunResult
+    from swarmer.observe.collector import Collector
+    from swarmer.plan import Plan
+
+INTERRUPTED = 130
+
+
+@click.command("run")
+@click.option("--shape", metavar="NAME|FILE", help="Catalogue name (`swarmer shapes`) or a file: .ptcld .xyz .csv .txt .npy .mat .off .ply .obj .stl .glb. [default: dragon]")  # fmt: skip
+@click.option("--lambda", "lambda_ms", metavar="MS", help="Mean time between two challenges of an FLS, milliseconds. [default: 500]")  # fmt: skip
+@click.option("--duration", "duration_s", metavar="S", help="Length of the run from the go signal, emulated seconds. [default: 60]")  # fmt: skip
+@click.option("--until-hd", "until_hd_cells", metavar="CELLS", help="End as soon as the Hausdorff distance is below this, display cells.")  # fmt: skip
+@click.option("--seed", metavar="N", help="Root of every random draw. [default: 1]")
+@click.option("--points", metavar="N", help="Sample exactly N points of the shape.")
+@click.option("--engine", metavar="NAME", help="What runs the FLSs: process (one OS process each, over UDP). [default: process]")  # fmt: skip
+@click.option("--time-scale", metavar="X|auto", help="Emulated seconds per wall second, 0.001 to 10; auto is as fast as this machine stays faithful, at most 1. [default: auto]")  # fmt: skip
+@click.option("--config", metavar="FILE", help="Settings: a YAML file, or a preset: default, paper, authors_code.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Set any setting, as radio.loss=0.1; may be repeated.")  # fmt: skip
+@click.option("--dedupe", is_flag=True, help="Drop points that the shape has twice instead of refusing it.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="The run directory itself. [default: runs/SHAPE-TIME-SEED]")  # fmt: skip
+@click.option("--live", is_flag=True, help="Open the rerun viewer while it runs.")
+@click.option("--no-recording", is_flag=True, help="Do not write recording.rrd.")
+@click.option("--json", "as_json", is_flag=True, help="Print the summary on stdout instead of the run directory.")
+def command(
+    config: str | None,
+    overrides: tuple[str, ...],
+    dedupe: bool,
+    out: Path | None,
+    live: bool,
+    no_recording: bool,
+    as_json: bool,
+    shape: str | None,
+    **texts: str | None,
+) -> int:
+    """Run a shape: one process per FLS, from dead-reckoned chaos to a localized swarm.
+
+    Settings are read from --config, then --set, then the other options. Progress goes to stderr; the last line of stdout
+    is the run directory.
+    """
+    from swarmer.config import load_config
+
+    # As texts the other options are read like `--set`, which knows what each must be.
+    given = [f"{name}={text}" for name, text in texts.items() if text is not None]
+    flags: dict[str, Any] = {"shape": shape}
+    if dedupe:
+        flags["duplicates"] = "drop"
+    if no_recording:
+        flags["recording.enabled"] = False
+    settings = load_config(config, [*overrides, *given], **flags)
+    return run(settings, out, live, as_json)
+
+
+def run(config: RunConfig, out: Path | None, live: bool, as_json: bool) -> int:
+    """Plan, check, run, sum up; the exit status. Raises BadInput before anything is written, RunFailed after."""
+    from swarmer.engines.process import ProcessEngine
+    from swarmer.observe.collector import Collector
+    from swarmer.observe.panel import Panel
+    from swarmer.observe.run_directory import RunDirectory
+    from swarmer.plan import make_plan
+
+    plan = make_plan(config)
+    with ProcessEngine(plan) as engine:
+        tell_plan(plan)
+        directory = RunDirectory.create(out, config.shape, config.seed, sys.argv)
+        collector = Collector(directory, Panel(), live)
+        result = play(engine, collector)
+    summary = collector.finish(result)
+    return close(summary, directory.path, as_json, collector)
+
+
+def play(engine: Any, collector: Collector) -> RunResult:
+    """Run the engine; whatever ends it early becomes a result, so that what there is gets written."""
+    from swarmer.engines.result import RunResult
+
+    try:
+        result: RunResult = engine.run(collector)
+    except KeyboardInterrupt:
+        return RunResult(engine.name, "interrupted", 0.0, 0.0)
+    except RunFailed as failure:
+        return RunResult(engine.name, "failed", 0.0, 0.0, message=str(failure))
+    return result
+
+
+def close(summary: dict[str, Any], path: Path, as_json: bool, collector: Collector) -> int:
+    """The last words, and the exit status."""
+    from swarmer.observe.closing import closing_lines
+
+    for line in closing_lines(summary, path, program_beside_python()):
+        click.echo(line, err=True)
+    if as_json:
+        click.echo(json.dumps(summary, allow_nan=False))
+    else:
+        click.echo(str(path))
+    if collector.failure is not None:
+        raise collector.failure
+    return {"done": 0, "interrupted": INTERRUPTED}.get(str(summary.get("status")), 1)
+
+
+def tell_plan(plan: Plan) -> None:
+    """The facts of the plan, on one line of stderr."""
+    n = plan.neighbours
+    joined = f", joined by {n.added_links} links" if n.added_links else ""
+    parts = "1 component" if n.components == 1 else f"{n.components} components"
+    click.echo(
+        f"{plan.cloud.name}: {plan.size} points in {plan.cloud.dim}D, neighbours {n.mode} (η {n.eta}): "
+        f"{parts}{joined}, longest link {n.longest_link_cells:.1f} cells, mean degree {n.mean_degree:.1f}",
+        err=True,
+    )
+
+
+def program_beside_python() -> str:
+    """How this user's shell finds `swarmer`: by its name, or by the path beside this Python."""
+    import os
+    import shutil
+
+    beside = Path(sys.executable).with_name("swarmer")
+    found = shutil.which("swarmer")
+    if (found and Path(found).resolve() == beside.resolve()) or not beside.exists():
+        return "swarmer"
+    return os.path.relpath(beside) if beside.is_relative_to(Path.cwd()) else str(beside)

@@ -1,0 +1,164 @@
+"""`swarmer shapes`: the catalogue, and a look at one shape."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from swarmer.shapes.cloud import PointCloud
+    from swarmer.shapes.neighbours import NeighbourPlan
+
+COLUMNS = ("name", "points", "dim", "box (cells)", "nearest two", "parts", "longest link", "licence")
+
+
+@click.group(name="shapes", invoke_without_command=True)
+@click.pass_context
+def command(ctx: click.Context) -> None:
+    """List the shapes that a name stands for, with the facts of their neighbour graphs.
+
+    Lengths in display cells (5 cm). Parts: into how many pieces the graph of the 5 nearest neighbours falls
+    before the plan joins them. Longest link: between two planned neighbours.
+    """
+    if ctx.invoked_subcommand is None:
+        _list()
+
+
+def _list() -> None:
+    from swarmer.shapes.catalogue import CATALOGUE, load_shape
+    from swarmer.shapes.neighbours import neighbour_plan
+
+    rows: list[tuple[str, ...]] = [COLUMNS]
+    for name, entry in CATALOGUE.items():
+        cloud = load_shape(name)
+        plan = neighbour_plan(cloud.points)
+        rows.append(
+            (
+                name,
+                f"{len(cloud)}{'' if entry.make is None else ' *'}",
+                f"{cloud.dim}D",
+                _box(cloud),
+                f"{plan.spacing_min_cells:.2f}",
+                str(plan.components),
+                f"{plan.longest_link_cells:.1f}",
+                cloud.licence,
+            )
+        )
+    for line in _aligned(rows):
+        click.echo(line)
+    click.echo("\n* any count: --points N. `swarmer shapes show NAME` draws one; a file is a shape too.")
+
+
+@command.command()
+@click.argument("shape", metavar="NAME_OR_FILE")
+@click.option("--points", type=int, metavar="N", help="Exactly N points: made, sampled or chosen.")
+@click.option("--dedupe", is_flag=True, help="Remove duplicate points; without it they are an error.")
+@click.option(
+    "--eta", type=int, metavar="N", help="Nearest neighbours in the plan (default 5, or F-1 if smaller)."
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="For `random`, and for sampling a mesh.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), metavar="FILE.png", help="Draw it into a picture too."
+)
+def show(shape: str, points: int | None, dedupe: bool, eta: int | None, seed: int, out: Path | None) -> None:
+    """Draw a shape in the terminal, with its neighbour facts."""
+    from swarmer.shapes.braille import terminal_picture
+    from swarmer.shapes.catalogue import load_shape
+    from swarmer.shapes.neighbours import neighbour_plan
+    from swarmer.shapes.views import usual_view
+
+    if out is not None:
+        _refuse_picture(out)
+    cloud = load_shape(shape, points, "drop" if dedupe else "refuse", seed)
+    plan = neighbour_plan(cloud.points, eta)
+    size = shutil.get_terminal_size((80, 40))
+    picture = terminal_picture(
+        cloud.points,
+        usual_view(cloud.dim),
+        columns=max(20, min(100, size.columns - 2)),
+        rows=max(10, min(40, size.lines - 14)),
+        colour=sys.stdout.isatty(),
+        ascii_only=not _speaks_braille(),
+    )
+    click.echo(picture + "\n", color=True)  # its codes are there on a terminal only
+    for line in _aligned(_facts(cloud, plan)):
+        click.echo(line)
+    for line in _warnings(cloud, plan):
+        click.echo(line, err=True)
+    if out is not None:
+        _draw(cloud, out)
+
+
+def _facts(cloud: PointCloud, plan: NeighbourPlan) -> list[tuple[str, ...]]:
+    facts: list[tuple[str, ...]] = [
+        ("shape", cloud.name),
+        ("points", f"{len(cloud)}" + (f" ({cloud.dropped} duplicates removed)" if cloud.dropped else "")),
+        ("dimensions", f"{cloud.dim}" + (" (constant depth)" if cloud.dim == 2 else "")),
+        ("box", f"{_box(cloud)} cells"),
+        ("nearest two", f"{plan.spacing_min_cells:.3g} cells apart"),
+        ("neighbours", f"{plan.eta} nearest, {plan.mode}: {plan.mean_degree:.1f} on average"),
+        ("one-way", f"{plan.one_way_share:.0%} of the nearest are not mutual"),
+        ("parts", f"{plan.components} before {plan.added_links} links were added"),
+        ("longest link", f"{plan.longest_link_cells:.2f} cells"),
+        ("source", cloud.source),
+        ("licence", cloud.licence),
+    ]
+    return [*facts, ("credit", cloud.credit)] if cloud.credit else facts
+
+
+def _warnings(cloud: PointCloud, plan: NeighbourPlan) -> list[str]:
+    from swarmer.shapes.cloud import SMALLEST_SPACING
+
+    # A light of its own for each display cell; generated gaps may miss it by rounding.
+    if plan.spacing_min_cells >= SMALLEST_SPACING * (1 - 1e-9):
+        return []
+    factor = SMALLEST_SPACING / plan.spacing_min_cells
+    return [
+        f"warning: {cloud.name}: points come as near as {plan.spacing_min_cells:.3g} cells; lights need "
+        f"{SMALLEST_SPACING:g}, so scale the shape by {factor:.3g}"
+    ]
+
+
+def _refuse_picture(out: Path) -> None:
+    from swarmer.errors import BadInput
+
+    if out.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise BadInput("out", str(out), "a file that ends in .png, .svg or .pdf")
+    if not out.parent.is_dir():
+        raise BadInput("out", str(out), "a file in a directory that is there")
+
+
+def _draw(cloud: PointCloud, out: Path) -> None:
+    from swarmer.errors import BadInput
+    from swarmer.shapes.drawing import Panel, draw_clouds
+    from swarmer.shapes.views import usual_view
+
+    title = f"{cloud.name}, {len(cloud)} points"
+    try:
+        draw_clouds([Panel(title, cloud.points, None, usual_view(cloud.dim))], out, dpi=200)
+    except OSError as error:
+        raise BadInput("out", str(out), f"a file that can be written ({error.strerror})") from None
+    click.echo(f"picture: {out}", err=True)
+
+
+def _box(cloud: PointCloud) -> str:
+    return " x ".join(f"{round(extent, 1):g}" for extent in cloud.box_cells)
+
+
+def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    ]
+
+
+def _speaks_braille() -> bool:
+    try:
+        "⠿".encode(sys.stdout.encoding or "ascii")
+    except (UnicodeError, LookupError):
+        return False
+    return True

@@ -1,0 +1,232 @@
+"""Every setting of a run: unit, range, default and one line of help, declared once.
+
+`load_config` reads a preset or a YAML file, then `--set` overrides, then options, and checks all of it. Errors,
+the preset `default.yaml` and the settings reference come from the declarations below.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+from pydantic import ValidationError
+
+import swarmer
+from swarmer.config_groups import (
+    FAR,
+    Deploy,
+    Failure,
+    Flight,
+    Process,
+    Radio,
+    Range,
+    Recording,
+    Sensing,
+    Thaw,
+)
+from swarmer.errors import BadInput
+from swarmer.settings import (
+    Group,
+    Setting,
+    choice,
+    error_lines,
+    flag,
+    number,
+    text,
+    unknown_line,
+    walk,
+    whole,
+)
+from swarmer.settings_file import flat_layers
+
+Word = Literal["auto"]
+OFTEN = 600_000  # ms: the longest pause that makes sense
+
+
+class RunConfig(Group):
+    """Every setting of one run. Made by `load_config`."""
+
+    shape: str = text(
+        "dragon", "a name of the catalogue (`swarmer shapes`) or the path of a point cloud or mesh"
+    )
+    points: int | None = whole(
+        None,
+        "",
+        2,
+        10_000_000,
+        "sample exactly this many points of the shape",
+        none="as many as the shape has",
+    )
+    engine: Literal["process"] = choice(
+        "process", "what runs the FLSs: one process each, over UDP", later=("virtual", "rounds", "cluster")
+    )
+    seed: int = whole(1, "", 0, 4_294_967_295, "root of every random draw of the run")
+    duration_s: float = number(60, "s", 0, FAR, "length of the run, from the go signal", above=True)
+    until_hd_cells: float | None = number(
+        None,
+        "cells",
+        0,
+        FAR,
+        "end as soon as the Hausdorff distance is below this",
+        above=True,
+        none="run to the end",
+    )
+    time_scale: float | Word = number(
+        "auto", "wall", 0.001, 10, "speed; auto is as fast as stays faithful here, at most 1", words=("auto",)
+    )
+    lambda_ms: float = number(500, "ms", 0, OFTEN, "mean time between two challenges of an FLS", above=True)
+    epsilon_deg: float = number(5, "deg", 0, 45, "bound of the dead-reckoning angle error")
+    eta: int | None = whole(
+        None,
+        "",
+        1,
+        1000,
+        "nearest neighbours an R-Complete FLS must have in its swarm",
+        none="5, or all others if fewer",
+    )
+    lease_ms: float = number(250, "ms", 1, 60_000, "how long an anchor waits for its localizer")
+    m: Literal["inf", 2] = choice("inf", "most swarms that merge at one anchor at a time")
+    technique: str = text("signal_strength", "localization technique, a plugin's name")
+    anchor: Literal["lowest", "largest", "smallest", "challenger", "random"] = choice(
+        "lowest", "which of two swarms becomes the anchor"
+    )
+    neighbours: Literal["connected", "nearest"] = choice(
+        "connected", "the eta nearest made symmetric and connected, or the eta nearest alone"
+    )
+    duplicates: Literal["refuse", "drop"] = choice("refuse", "points given twice in the shape")
+    flight_threshold_cells: float = number(0.001, "cells", 0, 1000, "shorter flights are skipped")
+    challenge_policy: Literal["r_complete", "decay"] = choice(
+        "r_complete", "challenge until R-Complete, or ever less likely with each merge"
+    )
+    challenge_decay: float = number(1.25, "", 1, 1000, "decay: each merge divides the probability by this")
+    challenge_on_available: bool = flag(False, "challenge on every entry to Available, too")
+    probe_every: int = whole(8, "", 0, FAR, "an R-Complete FLS challenges at every so many ticks; 0 is never")
+    neighbour_reply: bool = flag(
+        True, "answer a challenge from the own swarm with NEIGHBOUR if a planned neighbour"
+    )
+    busy_join: Literal["newcomer", "all", "off"] = choice(
+        "newcomer", "who may join a busy neighbour's swarm at once"
+    )
+    epochs: bool = flag(True, "count thaws, and tell an FLS that has missed one")
+    accept_gap_ms: float = number(0, "ms", 0, 60_000, "an FLS lets this pass between two accepts")
+    lease_margin_ms: float = number(0, "ms", 0, 60_000, "an anchor holds a lease this much longer")
+    waiting_bound_ms: float | None = number(
+        None,
+        "ms",
+        1,
+        OFTEN,
+        "a Waiting FLS that hears nothing goes on after this",
+        none="lambda_ms, or 2 lease_ms if longer",
+    )
+    waiting_ends: Literal["bound", "tick"] = choice(
+        "bound", "Waiting ends after its bound, or at the next tick of the challenge timer"
+    )
+    fls_loop: Literal["single", "threads", "asyncio"] = choice(
+        "single", "how an FLS process is built: one thread, two, or asyncio"
+    )
+
+    range: Range = Range()
+    thaw: Thaw = Thaw()
+    radio: Radio = Radio()
+    sensing: Sensing = Sensing()
+    flight: Flight = Flight()
+    deploy: Deploy = Deploy()
+    failure: Failure = Failure()
+    recording: Recording = Recording()
+    process: Process = Process()
+
+    @classmethod
+    def from_flat(cls, flat: Mapping[str, Any]) -> RunConfig:
+        """Settings from values by dotted name. Raises BadInput."""
+        facts = {setting.name: setting for setting in FACTS}
+        unknown = [name for name in flat if name not in facts]
+        lines = [unknown_line(name, facts if count < 20 else ()) for count, name in enumerate(unknown)]
+        nested: dict[str, Any] = {}
+        for name, value in flat.items():
+            if name in facts:
+                group, _, field = name.rpartition(".")
+                (nested.setdefault(group, {}) if group else nested)[field] = value
+        try:
+            config = cls.model_validate(nested)
+        except ValidationError as error:
+            raise BadInput.saying(*lines, *error_lines(error, facts)) from None
+        lines = lines or contradictions(config)
+        if lines:
+            raise BadInput.saying(*lines)
+        return config
+
+    def eta_of(self, count: int) -> int:
+        """How many neighbours R-Complete asks for in a display of `count` points."""
+        return min(5 if self.eta is None else self.eta, count - 1)
+
+    def thaw_h_s(self, count: int) -> float:
+        """H in seconds, in a display of `count` points."""
+        return math.log2(max(count, 2)) if self.thaw.h_s is None else self.thaw.h_s
+
+    @property
+    def waiting_bound(self) -> float:
+        """After how many milliseconds a Waiting FLS that hears nothing is Available again."""
+        if self.waiting_bound_ms is not None:
+            return self.waiting_bound_ms
+        return max(self.lambda_ms, 2 * self.lease_ms)
+
+    @property
+    def merge_limit(self) -> float:
+        """M as a number: 2 or infinity."""
+        return math.inf if self.m == "inf" else self.m
+
+    def changed(self, **flags: Any) -> RunConfig:
+        """A checked copy with other values; names as in `load_config`."""
+        return RunConfig.from_flat(flat_layers(None, (), _given(flags), setting_facts(), base=self.flat()))
+
+    def flat(self) -> dict[str, Any]:
+        """Every setting by its dotted name, in declared order."""
+        return {setting.name: _at(self, setting.name) for setting in setting_facts()}
+
+    def to_yaml(self) -> str:
+        """The resolved settings as a file that makes the same run again."""
+        head = (
+            f"# swarmer {swarmer.__version__}: settings of a run; `swarmer-run --config FILE` runs it again\n"
+        )
+        return head + yaml.safe_dump(self.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+
+
+def load_config(file: str | Path | None = None, overrides: Iterable[str] = (), **flags: Any) -> RunConfig:
+    """The settings of a run: a file, changed by overrides, changed by flags.
+
+    file: the name of a preset (default, paper, authors_code), the path of a YAML file, or None.
+    overrides: texts `a.b=value`, as after `--set`; the value is read as YAML.
+    flags: settings by name, groups as mappings or `**{"radio.loss": 0.1}`; None means not given.
+    Raises BadInput with a line for everything that is wrong.
+    """
+    return RunConfig.from_flat(flat_layers(file, overrides, _given(flags), setting_facts()))
+
+
+def contradictions(config: RunConfig) -> list[str]:
+    """Lines for values that are fine alone and wrong together."""
+    start, most = config.range.start_cells, config.range.max_cells
+    if start is not None and most is not None and start > most:
+        return [f"range.start_cells: {start:g} is more than range.max_cells, {most:g}"]
+    return []
+
+
+def setting_facts() -> list[Setting]:
+    """Every setting in declared order: name, unit, range, default, help, and what makes its error line."""
+    return list(FACTS)
+
+
+def _given(flags: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in flags.items() if value is not None}
+
+
+def _at(config: Group, name: str) -> Any:
+    value: Any = config
+    for part in name.split("."):
+        value = getattr(value, part)
+    return value
+
+
+FACTS = tuple(walk(RunConfig))

@@ -1,0 +1,181 @@
+"""The settings that stand together under one name: `range.`, `thaw.`, `radio.`, ... See `config.RunConfig`."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from swarmer.settings import Group, choice, flag, number, positions, whole
+
+FAR = 1_000_000  # cells, seconds: beyond any display and any run
+Carrier = Literal["auto", "unicast", "broadcast"]
+
+
+class Range(Group):
+    """The radio range of challenges."""
+
+    start_cells: float | None = number(
+        None,
+        "cells",
+        0,
+        FAR,
+        "radio range of the first challenge",
+        above=True,
+        none="the farthest planned neighbour",
+    )
+    step_cells: float = number(5, "cells", 0, FAR, "added when a challenge found no taker")
+    max_cells: float | None = number(
+        None, "cells", 0, FAR, "never farther than this", above=True, none="the display's diagonal"
+    )
+    measured: Literal["ground_truth", "estimated"] = choice(
+        "ground_truth", "positions between which the range is measured"
+    )
+
+
+class Thaw(Group):
+    """When swarms dissolve to localize anew."""
+
+    policy: Literal["timer", "centralized", "off"] = choice(
+        "timer",
+        later=("census", "corner"),
+        help="who says when: a timer in each FLS, the engine that sees one swarm, or nobody",
+    )
+    h_s: float | None = number(
+        None,
+        "s",
+        0,
+        FAR,
+        "H, the shortest time from thaw to thaw",
+        above=True,
+        none="log2 of the number of points",
+    )
+    spread: float = number(2, "", 1, 100, "the timer is uniform between H and this times H")
+    repeat: float = number(0, "p", 0, 1, "an FLS repeats a THAW that it heard")
+
+
+class Radio(Group):
+    """What happens to a datagram, and which way it takes."""
+
+    loss: float = number(0, "p", 0, 1, "a datagram is lost, at its sender and again at each receiver")
+    loss_sender: float | None = number(None, "p", 0, 1, "it is lost at its sender", none="radio.loss")
+    loss_receiver: float | None = number(None, "p", 0, 1, "it is lost at a receiver", none="radio.loss")
+    duplicate: float = number(
+        0, "p", 0, 1, "a datagram comes twice, made by its sender and again by each receiver"
+    )
+    duplicate_sender: float | None = number(
+        None, "p", 0, 1, "its sender sends it twice", none="radio.duplicate"
+    )
+    duplicate_receiver: float | None = number(
+        None, "p", 0, 1, "a receiver gets it twice", none="radio.duplicate"
+    )
+    reorder: float = number(0, "p", 0, 1, "a datagram is held back, at its sender and again at each receiver")
+    reorder_sender: float | None = number(None, "p", 0, 1, "its sender holds it back", none="radio.reorder")
+    reorder_receiver: float | None = number(None, "p", 0, 1, "a receiver holds it back", none="radio.reorder")
+    reorder_ms: float = number(5, "ms", 0, 60_000, "how long a datagram is held back to lose its place")
+    delay_ms: float = number(0, "ms", 0, 60_000, "added to the way of every datagram")
+    jitter_ms: float = number(
+        0, "ms", 0, 60_000, "the delay varies by up to this, both ways, never below zero"
+    )
+    mac: bool = flag(False, "sign every datagram and drop those that are not signed by this run")
+    carrier: Carrier = choice("auto", "how datagrams for several FLSs travel")
+    unicast_max: int = whole(
+        32, "", 0, FAR, "auto: up to so many addressees get a datagram each, more a broadcast"
+    )
+    kernel_filter: Literal["auto", "off"] = choice("auto", "filter broadcasts inside the kernel")
+    port: int = whole(0, "", 0, 65_535, "UDP port of the run; 0 is the first free one")
+    receive_buffer_kb: int = whole(
+        1024, "kB", 16, 1_048_576, "receive buffer of each socket, if the system grants it"
+    )
+
+    @property
+    def sender_loss(self) -> float:
+        """Probability that the sender loses a datagram."""
+        return self.loss if self.loss_sender is None else self.loss_sender
+
+    @property
+    def receiver_loss(self) -> float:
+        """Probability that a receiver loses a datagram."""
+        return self.loss if self.loss_receiver is None else self.loss_receiver
+
+    @property
+    def sender_duplicate(self) -> float:
+        """Probability that the sender doubles a datagram."""
+        return self.duplicate if self.duplicate_sender is None else self.duplicate_sender
+
+    @property
+    def receiver_duplicate(self) -> float:
+        """Probability that a receiver gets a datagram twice."""
+        return self.duplicate if self.duplicate_receiver is None else self.duplicate_receiver
+
+    @property
+    def sender_reorder(self) -> float:
+        """Probability that the sender holds a datagram back."""
+        return self.reorder if self.reorder_sender is None else self.reorder_sender
+
+    @property
+    def receiver_reorder(self) -> float:
+        """Probability that a receiver holds a datagram back."""
+        return self.reorder if self.reorder_receiver is None else self.reorder_receiver
+
+
+class Sensing(Group):
+    """How well an FLS measures the vector to the sender of a datagram."""
+
+    model: Literal["none", "uniform", "mixed"] = choice(
+        "none", "error of a measured distance; mixed is accurate or uniform"
+    )
+    error_percent: float = number(
+        0, "%", 0, 100, "uniform and mixed: the distance is off by up to this, both ways"
+    )
+    accurate_probability: float = number(0.9, "p", 0, 1, "mixed: a sample has no error")
+    samples: int = whole(1, "", 1, 1000, "samples taken for one measurement")
+    average: Literal["mean", "median"] = choice("mean", "what is made of several samples")
+    sample_ms: float = number(0, "ms", 0, 60_000, "time that one sample takes")
+
+
+class Flight(Group):
+    """How an FLS flies."""
+
+    speed_m_s: float = number(10, "m/s", 0, 1000, "top speed", above=True)
+    acceleration_m_s2: float = number(10, "m/s2", 0, 1000, "acceleration", above=True)
+    braking_m_s2: float = number(10, "m/s2", 0, 1000, "braking", above=True)
+    cell_m: float = number(0.05, "m", 0, 100, "edge of a display cell", above=True)
+    dead_reckoning: Literal["full", "one_sided", "one_sided_random"] = choice(
+        "full",
+        "angle error: uniform within +-epsilon in a random plane, or one of the two models of the authors' programs",
+    )
+
+
+class Deploy(Group):
+    """How a run begins."""
+
+    start: Literal["dispatcher", "random"] = choice(
+        "dispatcher", "fly in from a dispatcher, or begin at a random place in the display"
+    )
+    dispatchers: tuple[tuple[float, float, float], ...] = positions(
+        ((0.0, 0.0, 0.0),), "cells", 1, 16, "where dispatchers stand; an FLS takes the nearest to its point"
+    )
+    rate_per_s: float = number(0, "1/s", 0, FAR, "FLSs that each dispatcher launches; 0 is all at once")
+    error: Literal["own", "shared"] = choice(
+        "own", "first flight errors drawn by each FLS, or one draw for all"
+    )
+
+
+class Failure(Group):
+    """What goes wrong with FLSs themselves."""
+
+    rate: float = number(0, "1/s", 0, 10, "how often each FLS fails")
+    replace: bool = flag(True, "launch a replacement from a dispatcher")
+    battery_s: float = number(0, "s", 0, FAR, "flying time of a battery; 0 lasts for ever")
+
+
+class Recording(Group):
+    """What is kept of a run."""
+
+    rate_hz: float = number(10, "Hz", 0.1, 60, "samples of all FLSs, in emulated time")
+    enabled: bool = flag(True, "write the recording that `swarmer replay` plays")
+
+
+class Process(Group):
+    """The process engine alone."""
+
+    pin: bool = flag(True, "keep each FLS process on one core")

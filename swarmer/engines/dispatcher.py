@@ -1,0 +1,204 @@
+"""The dispatcher: a small process of its own that forks the FLSs and looks after them (sections 2 and 6).
+
+It is started as `python -m swarmer.engines.dispatcher CONTROL_FD MEMORY_FD`, so it has no threads and nothing heavy in
+memory, whoever uses the engine: a fork then costs a few milliseconds and 2 MB. It reads one line of JSON that says what
+to launch, then commands, and writes a line of JSON for whatever happens. When the engine goes away, by whatever death,
+the control socket closes, and the dispatcher ends every FLS; should it die itself, the kernel ends them.
+
+No event loop here: a forked child would inherit it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import json
+import os
+import resource
+import selectors
+import signal
+import socket
+import sys
+import time
+import traceback
+from typing import Any
+
+from swarmer.fls_loops import LOOPS
+from swarmer.fls_process import DEPARTED_EXIT, FAILED_EXIT, Fls, FlsSpec, RunSpec
+from swarmer.plan import from_data
+from swarmer.telemetry import Clock, Life, Phase, SharedMemory, Slot
+from swarmer.udp_wrapper import Wires
+
+PR_SET_PDEATHSIG = 1
+STOP_GRACE_S = 2.0  # an FLS that has not ended by itself after this is killed
+FORKS_AT_ONCE = 16  # then the control socket is looked at
+LINE_MAX = 1 << 28
+
+
+class Dispatcher:
+    """Forks, watches, replaces, ends."""
+
+    def __init__(self, control: socket.socket, memory_fd: int) -> None:
+        self.control = control
+        self._reader = control.makefile("rb")
+        setup = json.loads(self._reader.readline(LINE_MAX))
+        self.run = run_spec(setup["run"])
+        self.specs = {spec.fid: spec for spec in map(fls_spec, setup["fls"])}
+        self.replace: bool = setup["replace"]
+        self.shared = SharedMemory(self.run.rules.count, memory_fd)
+        self.clock = Clock(self.shared)
+        self.children: dict[int, int] = {}  # pid -> FID
+        self._libc = ctypes.CDLL(None, use_errno=True)
+        self._wake_r, self._wake_w = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+        signal.signal(signal.SIGCHLD, lambda *_: None)
+        signal.set_wakeup_fd(self._wake_w, warn_on_full_buffer=False)
+        # A terminal's Ctrl-C is the engine's business; it tells us what to do.
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
+
+    def serve(self) -> None:
+        """Launch everybody, then watch until told to stop or the engine is gone."""
+        waiting = [self.specs[fid] for fid in sorted(self.specs)]
+        waiting.reverse()
+        gc.collect()
+        gc.freeze()
+        with selectors.DefaultSelector() as selector:
+            selector.register(self.control, selectors.EVENT_READ, "control")
+            selector.register(self._wake_r, selectors.EVENT_READ, "child")
+            while True:
+                for _ in range(min(FORKS_AT_ONCE, len(waiting))):
+                    if not self._launch(waiting.pop()):
+                        return
+                for key, _ in selector.select(0 if waiting else None):
+                    if key.data == "child":
+                        os.read(self._wake_r, 65536)
+                        self._reap()
+                    elif not self._command():
+                        return
+
+    def _command(self) -> bool:
+        line = self._reader.readline()
+        return bool(line) and json.loads(line).get("command") != "stop"
+
+    def _launch(self, spec: FlsSpec) -> bool:
+        try:
+            pid = os.fork()
+        except OSError as error:
+            self._tell("fork_failed", fid=spec.fid, text=error.strerror, running=len(self.children))
+            return False
+        if pid == 0:
+            self._become(spec)
+        self.children[pid] = spec.fid
+        return True
+
+    def _become(self, spec: FlsSpec) -> None:
+        """The child: be that FLS and end with it."""
+        status = 1
+        try:
+            self._libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+            signal.set_wakeup_fd(-1)
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            self.control.close()
+            os.close(self._wake_r)
+            os.close(self._wake_w)
+            settle(self.run.cpus, spec.fid)
+            status = run_fls(self.run, spec, self.shared)
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            sys.stderr.flush()
+            os._exit(status)
+
+    def _reap(self) -> None:
+        while True:
+            try:
+                pid, status = os.waitpid(-1, os.WNOHANG)
+            except ChildProcessError:
+                return
+            if pid == 0:
+                return
+            self._ended(self.children.pop(pid), os.waitstatus_to_exitcode(status))
+
+    def _ended(self, fid: int, code: int) -> None:
+        self.clock.refresh()
+        if self.clock.phase == Phase.STOP:
+            return
+        Slot(self.shared, fid).live(Life.ENDED)
+        kind = {FAILED_EXIT: "failed", DEPARTED_EXIT: "departed"}.get(code, "died")
+        self._tell(kind, fid=fid, code=code, t_s=self.clock.now())
+        if self.replace and self.clock.phase == Phase.GO:
+            old = self.specs[fid]
+            self.specs[fid] = old._replace(incarnation=old.incarnation + 1, launch_at_s=self.clock.now())
+            if self._launch(self.specs[fid]):
+                self._tell("replaced", fid=fid, incarnation=old.incarnation + 1, t_s=self.clock.now())
+
+    def end(self) -> None:
+        """End every FLS: they are asked by the control page, then killed. Returns when none is left."""
+        self.clock.set(Phase.STOP, self.clock.scale)
+        deadline = time.monotonic() + STOP_GRACE_S
+        while self.children and time.monotonic() < deadline:
+            self._reap()
+            time.sleep(0.01)
+        for pid in self.children:
+            os.kill(pid, signal.SIGKILL)
+        while self.children:
+            pid, _ = os.waitpid(-1, 0)
+            self.children.pop(pid, None)
+        self._tell("ended")
+
+    def _tell(self, event: str, **facts: Any) -> None:
+        try:
+            self.control.sendall(json.dumps({"event": event, **facts}).encode() + b"\n")
+        except OSError:  # the engine is gone; we end soon
+            pass
+
+
+def run_fls(run: RunSpec, spec: FlsSpec, shared: SharedMemory) -> int:
+    """Be one FLS until the run, or its life, ends; its exit status."""
+    fls = Fls(run, spec, shared)
+    fls.start()
+    LOOPS[run.loop](fls)
+    fls.close()
+    return fls.exit_status or 0
+
+
+def settle(cpus: tuple[int, ...], fid: int) -> None:
+    """Stay on one core, and do not preempt others on waking: hundreds are woken at once."""
+    try:
+        if cpus:
+            os.sched_setaffinity(0, {cpus[fid % len(cpus)]})
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+    except OSError:  # only for speed
+        pass
+
+
+def run_spec(data: dict[str, Any]) -> RunSpec:
+    return RunSpec(
+        **{
+            **data,
+            "key": bytes.fromhex(data["key"]),
+            "rules": from_data(data["rules"]),
+            "wires": Wires(**data["wires"]),
+            "cpus": tuple(data["cpus"]),
+        }
+    )
+
+
+def fls_spec(data: list[Any]) -> FlsSpec:
+    return FlsSpec(*(tuple(value) if isinstance(value, list) else value for value in data))
+
+
+def main() -> None:
+    control_fd, memory_fd = map(int, sys.argv[1:3])
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard if soft < hard else soft, hard))
+    dispatcher = Dispatcher(socket.socket(fileno=control_fd), memory_fd)
+    try:
+        dispatcher.serve()
+    finally:
+        dispatcher.end()
+
+
+if __name__ == "__main__":
+    main()

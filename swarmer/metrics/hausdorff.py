@@ -1,0 +1,109 @@
+"""Hausdorff distance between where the FLSs are and where they should be (SwarMer, section 6).
+
+HD = max(max_i min_j |e'_i - g_j|, max_j min_i |e'_i - g_j|), with e' the estimated truth after a translation.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmer.errors import BadInput
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+Points = NDArray[np.float64]  # (n, 3), display cells
+
+
+class EmptyCloud(BadInput):
+    """A distance was asked between clouds of which one has no point."""
+
+    def __init__(self, which: str) -> None:
+        super().__init__(which, "0 points", "a Hausdorff distance needs at least 1 point on both sides")
+
+
+def hausdorff(estimated: NDArray[Any], truth: NDArray[Any], translate: bool = True) -> float:
+    """Hausdorff distance, by default after moving `estimated` until the two centroids coincide.
+
+    estimated: (n, 3), truth: (m, 3), display cells; so is the result. Raises EmptyCloud if either has no point.
+
+    >>> hausdorff(np.array([[0, 0, 0], [2, 0, 0]]), np.array([[0, 0, 0], [4, 0, 0]]))
+    1.0
+    >>> hausdorff(np.array([[0, 0, 0], [2, 0, 0]]), np.array([[0, 0, 0], [4, 0, 0]]), translate=False)
+    2.0
+    """
+    moved, fixed = _checked(estimated, "estimated"), _checked(truth, "truth")
+    if translate:
+        moved = moved + (fixed.mean(axis=0) - moved.mean(axis=0))
+    return _larger_of_both(moved, fixed, _tree(fixed))
+
+
+class HausdorffMeter:
+    """Reads the HD of a swarm again and again against one cloud; row i of a position is the FLS of truth's row i."""
+
+    def __init__(self, truth: NDArray[Any]) -> None:
+        """truth: (F, 3), display cells. Raises EmptyCloud."""
+        self.truth: Points = _checked(truth, "truth").copy()
+        self._whole_tree: cKDTree = _tree(self.truth)
+        self._half_spacing = 0.5 * smallest_spacing(self.truth, self._whole_tree)
+
+    def hd(self, position: Points, lit: NDArray[np.bool_] | None = None) -> float:
+        """HD in cells of the lit FLSs and their points, translated by the mean of g_i - x_i over them.
+
+        position: (F, 3), cells; lit: (F,), None for all. Raises EmptyCloud if nobody is lit.
+        """
+        moved, fixed = self._lit(position, lit)
+        return self._read(moved + (fixed - moved).mean(axis=0), fixed)
+
+    def absolute(self, position: Points, lit: NDArray[np.bool_] | None = None) -> float:
+        """HD in cells without any translation; arguments and errors as `hd`."""
+        return self._read(*self._lit(position, lit))
+
+    def _lit(self, position: Points, lit: NDArray[np.bool_] | None) -> tuple[Points, Points]:
+        if lit is None or lit.all():
+            return position, self.truth
+        if not lit.any():
+            raise EmptyCloud("lit FLSs")
+        return position[lit], self.truth[lit]
+
+    def _read(self, moved: Points, fixed: Points) -> float:
+        """HD of two clouds with pairwise rows.
+
+        If no one is half the smallest spacing away from its own point, that point is everyone's nearest, and the
+        other way round: the largest distance of a pair is the HD, and no tree is asked.
+        """
+        farthest = float(np.sqrt(((moved - fixed) ** 2).sum(axis=1).max()))
+        if farthest < self._half_spacing:
+            return farthest
+        tree = self._whole_tree if len(fixed) == len(self.truth) else _tree(fixed)
+        return _larger_of_both(moved, fixed, tree)
+
+
+def smallest_spacing(truth: Points, tree: cKDTree | None = None) -> float:
+    """Smallest distance between two of the (F, 3) points, cells; infinite for a single point."""
+    if len(truth) < 2:
+        return float("inf")
+    distances, _ = (tree or _tree(truth)).query(truth, k=2)
+    return float(distances[:, 1].min())
+
+
+def _larger_of_both(moved: Points, fixed: Points, fixed_tree: cKDTree) -> float:
+    to_fixed = fixed_tree.query(moved)[0].max()
+    to_moved = _tree(moved).query(fixed)[0].max()
+    return float(max(to_fixed, to_moved))
+
+
+def _tree(points: Points) -> cKDTree:
+    from scipy.spatial import cKDTree
+
+    return cKDTree(points)
+
+
+def _checked(points: NDArray[Any], which: str) -> Points:
+    array = np.asarray(points, dtype=np.float64)
+    if array.size == 0:
+        raise EmptyCloud(which)
+    return array

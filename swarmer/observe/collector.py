@@ -1,0 +1,144 @@
+"""The observer of a run: every sample becomes HD, swarms and states, and goes to timeline, recording and panel.
+
+A disk that fails does not crash the run: the first RunFailed is kept, `sample` asks the engine to stop, and `finish`
+writes what can still be written and says `failed`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from swarmer.engines.result import Event, RunResult, Snapshot
+from swarmer.errors import RunFailed
+from swarmer.observe.progress import Progress
+from swarmer.observe.run_directory import RECORDING, RunDirectory
+from swarmer.observe.summary import make_summary
+from swarmer.observe.timeline import Frame, TimelineWriter
+
+if TYPE_CHECKING:
+    from swarmer.observe.panel import Panel
+    from swarmer.observe.recording import Recording
+    from swarmer.plan import Plan
+
+
+class Collector:
+    """An engine's Observer (see engines.result), and after the run the writer of its summary."""
+
+    def __init__(self, directory: RunDirectory, panel: Panel | None = None, live: bool = False) -> None:
+        """directory: open, closed by `finish`. panel: shown while the run lives. live: also a rerun viewer."""
+        self.directory = directory
+        self.failure: RunFailed | None = None
+        self._panel = panel
+        self._live = live
+        self._plan: Plan | None = None
+        self._progress: Progress | None = None
+        self._timeline: TimelineWriter | None = None
+        self._recording: Recording | None = None
+        self._was_single = False
+
+    def planned(self, plan: Plan) -> None:
+        """Open everything that grows. Raises RunFailed: nothing has started yet."""
+        self._plan = plan
+        truth = plan.cloud.points
+        self._progress = Progress.of(truth)
+        self.directory.write_config(plan.config.to_yaml())
+        self._timeline = TimelineWriter(self.directory.path, truth)
+        if plan.config.recording.enabled or self._live:
+            from swarmer.observe.recording import Recording
+
+            stream = self.directory.stream(RECORDING)
+            self._recording = Recording(stream, truth, plan.cloud.name, self._live)
+        if self._panel is not None:
+            self._panel.planned(plan)
+        if self._recording is not None and self._recording.warning:
+            self._warn(self._recording.warning)
+        self._keep(self.directory.log, f"planned: {plan.cloud.name}, {plan.size} FLSs, seed {plan.config.seed}")
+
+    def launching(self, ready: int, total: int) -> None:
+        """Show how far the launch is."""
+        if self._panel is not None:
+            self._panel.launching(ready, total)
+
+    def go(self, launch_s: float) -> None:
+        """Time 0."""
+        self._keep(self.directory.log, f"go: launched in {launch_s:.2f} s")
+        if self._panel is not None:
+            self._panel.go(launch_s)
+
+    def sample(self, snapshot: Snapshot) -> bool:
+        """Take a sample. True: the HD waited for is reached, or nothing more can be written."""
+        assert self._plan is not None, "planned() comes first"
+        assert self._progress is not None
+        self._progress.update(snapshot)
+        self._keep(self._record, snapshot)
+        self._tell_single_swarm(snapshot.t_s)
+        if self._panel is not None:
+            self._panel.sample(snapshot, self._progress)
+        return self.failure is not None or self._progress.reached(self._plan.config.until_hd_cells)
+
+    def _record(self, snapshot: Snapshot) -> None:
+        assert self._timeline is not None
+        assert self._progress is not None
+        frame = Frame(snapshot.t_s, snapshot.position, snapshot.swarm, snapshot.state, snapshot.lit, self._progress.hd)
+        self._timeline.append(frame)
+        if self._recording is not None:
+            self._recording.frame(frame, self._progress.swarms.count, self._progress.states)
+
+    def _tell_single_swarm(self, t_s: float) -> None:
+        assert self._progress is not None
+        single = self._progress.swarms.single
+        if single and not self._was_single:
+            count = self._progress.single_swarm_count
+            self.event(Event(t_s, "single_swarm", 0, f"all FLSs are one swarm ({count}), HD {self._progress.hd:.3g} cells"))
+        self._was_single = single
+
+    def event(self, event: Event) -> None:
+        """Write an event down."""
+        self._keep(self.directory.event, event)
+        if self._recording is not None:
+            self._recording.event(event)
+
+    def finish(self, result: RunResult) -> dict[str, Any]:
+        """Close everything, write the summary, and give it.
+
+        With `failure` set afterwards the summary says `failed`: raise it, once the user has read the rest.
+        Without `planned` there is nothing to sum up: the directory is closed and the summary is empty.
+        """
+        if self._panel is not None:
+            self._panel.close()
+        if self._timeline is not None:
+            self._keep(self._timeline.close)
+        if self._recording is not None:
+            self._keep(self._recording.close)
+        self._keep(self.directory.log, f"{result.status}: {result.emulated_s:.2f} s {result.message}".rstrip())
+        summary = self._summary(result)
+        self._keep(self.directory.close, summary.get("status", result.status))
+        if summary:
+            summary = self._summary(result)  # closing may have failed
+            self._keep(self.directory.write_summary, summary)
+        return self._summary(result)
+
+    def _summary(self, result: RunResult) -> dict[str, Any]:
+        if self._plan is None or self._progress is None:
+            return {}
+        if self.failure is not None:
+            result.status = "failed"
+            result.message = str(self.failure)
+        cloud = self._plan.cloud
+        return make_summary(self._progress, result, cloud.name, self._plan.size, self._plan.config.seed)
+
+    def _keep(self, action: Callable[..., Any], *args: Any) -> None:
+        """Do it; the first RunFailed is kept, and what the disk refuses afterwards is not tried again in a run."""
+        try:
+            action(*args)
+        except RunFailed as failure:
+            if self.failure is None:
+                self.failure = failure
+
+    def _warn(self, text: str) -> None:
+        self._keep(self.directory.log, f"warning: {text}")
+        if self._panel is not None:
+            self._panel.say(f"warning: {text}")
+
+

@@ -1,0 +1,232 @@
+"""The directory of one run: who may write there, what is in it, and that a file that is there is whole.
+
+`--out` takes a directory that does not exist, is empty, or holds a run that did not finish and is not running: the
+remains of that run are replaced. A finished run, a run in progress and any other content are refused. Without `--out`
+the directory is always a new one, `runs/<shape>-<time>-<seed>`.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import platform
+import re
+import shlex
+import shutil
+import sys
+import time
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import swarmer
+from swarmer.engines.result import Event
+from swarmer.errors import BadInput
+from swarmer.observe.files import PARTIAL, TEMPORARY, Stream, disk_errors, write_text
+
+ROOT = Path("runs")
+NAME_LENGTH = 60
+CONFIG, MANIFEST, SUMMARY, EVENTS, LOG = "config.yaml", "manifest.json", "summary.json", "events.csv", "log.txt"
+RECORDING, TIMELINE, REPORT, TRACE = "recording.rrd", "timeline.npz", "report.html", "trace.jsonl.gz"
+FILES = (CONFIG, MANIFEST, SUMMARY, EVENTS, LOG, RECORDING, TIMELINE, REPORT, TRACE)
+EVENT_COLUMNS = ("t_s", "kind", "fid", "text")
+LIBRARIES = ("numpy", "scipy", "rerun-sdk", "pydantic", "click", "rich")
+
+
+class RunDirectory:
+    """An open run directory. Made by `create`; `close` ends every stream in it."""
+
+    def __init__(self, path: Path, shape: str, seed: int, command: Sequence[str]) -> None:
+        self.path = path
+        self._lock = _lock(path)
+        self._manifest: dict[str, Any] = _manifest(shape, seed, command)
+        self._streams: list[Stream] = []
+        try:
+            self._write_manifest()
+            self._events = self.stream(EVENTS)
+            self._log = self.stream(LOG)
+            self._events.write(_csv_line(EVENT_COLUMNS))
+        except BaseException:
+            self._release()
+            raise
+
+    @classmethod
+    def create(
+        cls, out: Path | None, shape: str, seed: int, command: Sequence[str], root: Path = ROOT
+    ) -> RunDirectory:
+        """Make the directory, or take over the one named by `out`.
+
+        shape: a catalogue name or a path, of which the stem is used. command: the argument vector.
+        Raises BadInput where `out` may not be written, RunFailed where it cannot.
+        """
+        path = _fresh(root, f"{safe_name(shape)}-{time.strftime('%Y%m%d-%H%M%S')}-{seed}") if out is None else out
+        if out is not None:
+            _take(out)
+        return cls(path, safe_name(shape), seed, command)
+
+    def stream(self, name: str) -> Stream:
+        """A new stream, closed with the directory. Raises RunFailed."""
+        stream = Stream(self.path / name)
+        self._streams.append(stream)
+        return stream
+
+    def write_config(self, text: str) -> None:
+        """Write the resolved settings. Raises RunFailed."""
+        write_text(self.path / CONFIG, text)
+
+    def write_summary(self, summary: dict[str, Any]) -> None:
+        """Write summary.json, the mark of a finished run. Raises RunFailed, ValueError for NaN or infinity."""
+        write_text(self.path / SUMMARY, json.dumps(summary, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
+
+    def event(self, event: Event) -> None:
+        """Append a line to events.csv. Raises RunFailed."""
+        self._events.write(_csv_line((f"{event.t_s:.4f}", event.kind, event.fid, event.text)))
+
+    def log(self, line: str) -> None:
+        """Append a line to log.txt, with the wall clock's time. Raises RunFailed."""
+        self._log.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {line}\n".encode())
+
+    def close(self, status: str) -> None:
+        """Close all streams and complete the manifest, as far as the disk allows. Raises the first RunFailed."""
+        failures: list[Exception] = []
+        for action in (*(stream.close for stream in self._streams), lambda: self._end_manifest(status)):
+            try:
+                action()
+            except Exception as error:
+                failures.append(error)
+        self._release()
+        if failures:
+            raise failures[0]
+
+    def _release(self) -> None:
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+    def _end_manifest(self, status: str) -> None:
+        self._manifest.update(ended=_now(), status=status)
+        self._write_manifest()
+
+    def _write_manifest(self) -> None:
+        write_text(self.path / MANIFEST, json.dumps(self._manifest, indent=2, ensure_ascii=False) + "\n")
+
+
+def safe_name(shape: str) -> str:
+    """A shape's name as part of a file name; of a path the stem.
+
+    >>> safe_name("../clouds/my dragon.xyz"), safe_name("/"), safe_name("a\\0b")
+    ('my-dragon', 'shape', 'a-b')
+    """
+    name = shape.replace("\\", "/").rstrip("/").rpartition("/")[2]
+    stem = Path(name).stem if name not in ("", ".", "..") else ""
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", stem).strip("-.")[:NAME_LENGTH] or "shape"
+
+
+def _fresh(root: Path, name: str) -> Path:
+    """A directory that nobody had before."""
+    with disk_errors(root / name):
+        root.mkdir(parents=True, exist_ok=True)
+        for number in range(1, 10_000):
+            path = root / (name if number == 1 else f"{name}-{number}")
+            try:
+                path.mkdir()
+            except FileExistsError:
+                continue
+            return path
+    raise BadInput("out", str(root / name), "9999 runs of this name exist; choose another with --out")
+
+
+def _take(out: Path) -> None:
+    """Make `out` an empty directory of ours. Raises BadInput, RunFailed."""
+    text = str(out)
+    if not text.strip() or "\0" in text:
+        raise BadInput("out", text, "the path of a directory that is new or empty")
+    try:
+        if out.is_symlink() and not out.exists():
+            raise BadInput("out", text, "it is a link to nothing; the path of a directory that is new or empty")
+        if not out.exists():
+            with disk_errors(out):
+                out.mkdir(parents=True)
+            return
+    except ValueError as error:
+        raise BadInput("out", text, f"the path of a directory ({error})") from None
+    if not out.is_dir():
+        raise BadInput("out", text, "it is a file; the path of a directory that is new or empty")
+    _clear(out)
+
+
+def _clear(out: Path) -> None:
+    """Remove what an unfinished run left in `out`; refuse everything else."""
+    names = {path.name for path in out.iterdir()}
+    if not names:
+        return
+    if SUMMARY in names:
+        raise BadInput("out", str(out), "a finished run is there; choose another directory, or remove it")
+    ours = {name + suffix for name in FILES for suffix in ("", PARTIAL, TEMPORARY)}
+    if strange := sorted(names - ours):
+        raise BadInput("out", str(out), f"it holds other files ({strange[0]}); choose a new or empty directory")
+    lock = _lock(out)
+    try:
+        with disk_errors(out):
+            for name in names:
+                path = out / name
+                shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
+    finally:
+        if lock is not None:
+            os.close(lock)
+
+
+def _lock(path: Path) -> int | None:
+    """Hold the directory while the run lives. Raises BadInput if another run does."""
+    try:
+        import fcntl
+    except ImportError:  # not a Unix
+        return None
+    with disk_errors(path):
+        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(fd)
+        raise BadInput("out", str(path), "another run is writing there; choose another directory") from None
+    except OSError:  # a file system without locks
+        os.close(fd)
+        return None
+    return fd
+
+
+def _manifest(shape: str, seed: int, command: Sequence[str]) -> dict[str, Any]:
+    return {
+        "format": 1,
+        "shape": shape,
+        "seed": seed,
+        "command": shlex.join(command),
+        "started": _now(),
+        "ended": None,
+        "status": "running",
+        "swarmer": swarmer.__version__,
+        "python": sys.version.split()[0],
+        "libraries": {name: _version(name) for name in LIBRARIES},
+        "platform": platform.platform(),
+        "cpus": os.cpu_count(),
+    }
+
+
+def _version(library: str) -> str | None:
+    try:
+        return metadata.version(library)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _now() -> str:
+    return time.strftime("%Y-%m-%dT%H:%M:%S%z")
+
+
+def _csv_line(cells: Sequence[object]) -> bytes:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(cells)
+    return text.getvalue().encode()

@@ -1,0 +1,200 @@
+"""A run directory read back, whole or not: what can be read, and a list of what is missing."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from swarmer.engines.result import Event
+from swarmer.errors import BadInput
+from swarmer.observe import timeline
+from swarmer.observe.files import PARTIAL
+from swarmer.observe.run_directory import CONFIG, EVENTS, FILES, MANIFEST, RECORDING, SUMMARY, TIMELINE
+
+BROKEN = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zipfile.LargeZipFile, yaml.YAMLError,
+          NotImplementedError, RuntimeError, IndexError, TypeError, csv.Error, RecursionError)  # fmt: skip
+LARGEST_TEXT = 64 << 20  # bytes of a config, a summary or a manifest
+
+
+@dataclass(slots=True)
+class SavedTimeline:
+    """timeline.npz in memory; T samples of F FLSs."""
+
+    t_s: NDArray[np.float64]  # (T,)
+    truth: NDArray[np.float64]  # (F, 3), cells
+    position: NDArray[np.float32]  # (T, F, 3), cells
+    swarm: NDArray[np.int32]  # (T, F)
+    state: NDArray[np.int8]  # (T, F)
+    lit: NDArray[np.bool_]  # (T, F)
+    hd_cells: NDArray[np.float64]  # (T,), NaN while nobody was lit
+
+    def swarms(self) -> NDArray[np.int64]:
+        """Number of swarms at each sample, (T,)."""
+        counts = [len(np.unique(swarm[lit])) for swarm, lit in zip(self.swarm, self.lit, strict=True)]
+        return np.array(counts, dtype=np.int64)
+
+    def states(self, kinds: int) -> NDArray[np.int64]:
+        """FLSs in each of `kinds` states at each sample, (T, kinds)."""
+        return np.stack([(self.state == kind).sum(axis=1) for kind in range(kinds)], axis=1)
+
+
+@dataclass(slots=True)
+class SavedRun:
+    """What is whole in a run directory; `missing` says the rest, a line each."""
+
+    path: Path
+    config: dict[str, Any] = field(default_factory=dict)
+    manifest: dict[str, Any] = field(default_factory=dict)
+    summary: dict[str, Any] = field(default_factory=dict)
+    events: list[Event] = field(default_factory=list)
+    timeline: SavedTimeline | None = None
+    missing: list[str] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """How a reader tells it from others."""
+        return self.path.resolve().name
+
+    @property
+    def shape(self) -> str:
+        """The shape's name, from whatever names it."""
+        return str(self.summary.get("shape") or self.manifest.get("shape") or self.config.get("shape") or "?")
+
+    def recording(self) -> Path | None:
+        """recording.rrd, or what a killed run left of it."""
+        return existing(self.path, RECORDING)
+
+
+def load(path: Path) -> SavedRun:
+    """Read a run directory. Raises BadInput if it is none."""
+    check_run_directory(path)
+    run = SavedRun(path)
+    run.config = _read(run, CONFIG, lambda file: _mapping(yaml.safe_load(_text(file)))) or {}
+    run.manifest = _read(run, MANIFEST, lambda file: _mapping(json.loads(_text(file)))) or {}
+    run.summary = _read(run, SUMMARY, lambda file: _mapping(json.loads(_text(file)))) or {}
+    run.events = _read(run, EVENTS, lambda file: _events(run, file)) or []
+    run.timeline = _timeline(run)
+    if run.recording() is None:
+        run.missing.append(f"{RECORDING}: none")
+    elif run.recording() != path / RECORDING:
+        run.missing.append(f"{RECORDING}: cut, the run ended before it was closed")
+    return run
+
+
+def check_run_directory(path: Path) -> None:
+    """Raise BadInput unless `path` looks like a run directory."""
+    if not path.exists():
+        raise BadInput("run", str(path), "no such directory; a run prints its directory as its last line")
+    names = {name + suffix for name in FILES for suffix in ("", PARTIAL)}
+    if not path.is_dir() or not any((path / name).exists() for name in sorted(names)):
+        raise BadInput("run", str(path), "not a run directory: it has none of summary.json, timeline.npz, events.csv, ...")
+
+
+def existing(directory: Path, name: str) -> Path | None:
+    """The file if it is whole, else its partial stream, else None."""
+    for path in (directory / name, directory / (name + PARTIAL)):
+        if path.exists():
+            return path
+    return None
+
+
+def _read(run: SavedRun, name: str, reader: Callable[[Path], Any]) -> Any:
+    """What `reader` makes of a file; None, and a line in `missing`, if it cannot."""
+    path = existing(run.path, name)
+    if path is None:
+        run.missing.append(f"{name}: none" + (", the run did not end" if name == SUMMARY else ""))
+        return None
+    if path.name.endswith(PARTIAL):
+        run.missing.append(f"{name}: cut, the run ended before it was closed")
+    try:
+        return reader(path)
+    except BROKEN as error:
+        run.missing.append(f"{path.name}: cannot be read ({' '.join(str(error).split())[:100] or type(error).__name__})")
+        return None
+
+
+def _text(path: Path) -> str:
+    if path.stat().st_size > LARGEST_TEXT:
+        raise ValueError(f"larger than {LARGEST_TEXT >> 20} MB")
+    return path.read_text(encoding="utf-8")
+
+
+def _mapping(data: object) -> dict[str, Any]:
+    if not isinstance(data, dict):
+        raise ValueError("no table of names and values")
+    return data
+
+
+def _events(run: SavedRun, path: Path) -> list[Event]:
+    """Every whole line; a last line without its end is dropped."""
+    events, bad = [], 0
+    with path.open(newline="", encoding="utf-8", errors="replace") as file:
+        for cells in list(csv.reader(file))[1:]:
+            try:
+                t_s, kind, fid, text = cells
+                event = Event(float(t_s), kind, int(fid), text)
+            except ValueError:
+                bad += 1
+                continue
+            if math.isfinite(event.t_s):
+                events.append(event)
+    if bad:
+        run.missing.append(f"{path.name}: {bad} lines cannot be read")
+    return events
+
+
+def _timeline(run: SavedRun) -> SavedTimeline | None:
+    path = existing(run.path, TIMELINE)
+    whole: SavedTimeline | None = None
+    if path is None or path.is_file():
+        whole = _read(run, TIMELINE, _whole_timeline)
+    chunks = run.path / (TIMELINE + PARTIAL)
+    if whole is None and chunks.is_dir():
+        run.missing.append(f"{TIMELINE}: cut, the run ended before it was closed")
+        whole = _chunked_timeline(run, chunks)
+    return whole
+
+
+def _whole_timeline(path: Path) -> SavedTimeline:
+    with np.load(path, allow_pickle=False) as data:
+        return _checked(SavedTimeline(*(data[name] for name in SavedTimeline.__slots__)))
+
+
+def _chunked_timeline(run: SavedRun, directory: Path) -> SavedTimeline | None:
+    """All chunks up to the first that is not whole."""
+    parts: list[SavedTimeline] = []
+    try:
+        with np.load(directory / "truth.npz", allow_pickle=False) as data:
+            truth = data["truth"]
+        for path in sorted(directory.glob("[0-9]*.npz")):
+            with np.load(path, allow_pickle=False) as data:
+                frame = {name: data[name] for name in timeline.Frame._fields}
+            parts.append(_checked(SavedTimeline(truth=truth, **frame)))
+    except BROKEN as error:
+        run.missing.append(f"{directory.name}: a part cannot be read ({type(error).__name__})")
+    if not parts:
+        return None
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in timeline.Frame._fields}
+    return SavedTimeline(truth=truth, **joined)
+
+
+def _checked(saved: SavedTimeline) -> SavedTimeline:
+    """The timeline, if its arrays fit each other. Raises ValueError."""
+    samples, count = len(saved.t_s), len(saved.truth)
+    shapes = [(count, 3), (samples, count, 3), (samples, count), (samples, count), (samples, count), (samples,)]
+    arrays = (saved.truth, saved.position, saved.swarm, saved.state, saved.lit, saved.hd_cells)
+    if saved.t_s.ndim != 1 or any(array.shape != shape for array, shape in zip(arrays, shapes, strict=True)):
+        raise ValueError("its arrays do not fit each other")
+    if not np.isfinite(saved.t_s).all() or not np.isfinite(saved.position).all():
+        raise ValueError("it has values that are not finite")
+    return saved

@@ -1,0 +1,91 @@
+"""summary.json: one flat object, the same names for every engine; what an engine does not have is null."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from swarmer.engines.result import RunResult
+from swarmer.observe.progress import Progress
+
+FORMAT = 1
+
+# Counters under the name they have in the summary.
+COUNTERS = (
+    "localizations",
+    "anchorings",
+    "leases_granted",
+    "leases_expired",
+    "thawed_flss",
+    "datagrams_sent",
+    "datagrams_delivered",
+    "datagrams_lost",
+    "bytes_sent",
+    "bytes_delivered",
+    "failures",
+    "replacements",
+    "handled",
+    "ignored",
+    "rejected",
+    "dropped_by_kernel",
+)
+
+
+def make_summary(progress: Progress, result: RunResult, shape: str, points: int, seed: int) -> dict[str, Any]:
+    """Everything of CONTRACT's summary.json; no value is NaN or infinite."""
+    counters = result.counters
+    distance = counters.get("distance_cells")
+    summary: dict[str, Any] = {
+        "format": FORMAT,
+        "engine": result.engine,
+        "shape": shape,
+        "points": points,
+        "seed": seed,
+        "status": result.status,
+        "message": result.message or None,
+        "emulated_s": result.emulated_s,
+        "wall_s": result.wall_s,
+        "launch_s": result.launch_s,
+        "hd_cells": progress.hd,
+        "hd_min_cells": progress.hd_min,
+        "hd_absolute_cells": progress.hd_absolute(),
+        "time_to_hd_s": dict(progress.time_to_hd_s),
+        "all_lit_s": progress.all_lit_s,
+        "first_single_swarm_s": progress.first_single_swarm_s,
+        "single_swarm_count": progress.single_swarm_count,
+        "swarms_last": progress.swarms.count,
+        "lit_share": progress.lit_share,
+        "thaws": _whole(counters.get("thaws")),
+        "distance_cells_mean": None if distance is None else distance / points,
+        **{name: _whole(counters.get(name)) for name in COUNTERS},
+        "processes": result.processes,
+        "memory_mb_per_fls": result.memory_mb_per_fls,
+        "timer_late_ms": _lateness(result.timer_late_ms),
+        "handled_late_ms": _lateness(result.handled_late_ms),
+        "time_scale": result.time_scale,
+        "faithful": result.faithful,
+        "suggested_time_scale": result.suggested_time_scale,
+    }
+    summary.update(getattr(result, "extra", None) or {})
+    return {name: plain(value) for name, value in summary.items()}
+
+
+def _whole(count: float | None) -> int | None:
+    return None if count is None else round(count)
+
+
+def _lateness(late: Any) -> dict[str, float] | None:
+    return None if late is None else {"p50": late.p50, "p99": late.p99, "max": late.max}
+
+
+def plain(value: Any) -> Any:
+    """The value as JSON takes it: numpy scalars as Python's, whole numbers as int, NaN and infinity as None."""
+    if isinstance(value, dict):
+        return {name: plain(inner) for name, inner in value.items()}
+    if hasattr(value, "item"):
+        value = value.item()
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return None
+        return round(value, 9)
+    return value

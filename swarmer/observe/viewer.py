@@ -1,0 +1,89 @@
+"""Starting rerun's viewer: its command, free ports, is there a display. All of it stays on this machine.
+
+The viewer and its server listen on every interface unless told otherwise, so each start here says 127.0.0.1.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from swarmer.errors import RunFailed
+
+HOST = "127.0.0.1"
+GRPC_PORT = 9876
+WEB_PORT = 9090
+
+
+def rerun_command() -> list[str]:
+    """How to start rerun: its program beside this Python, else the module."""
+    beside = Path(sys.executable).with_name("rerun")
+    if beside.exists():
+        return [str(beside)]
+    found = shutil.which("rerun")
+    return [found] if found else [sys.executable, "-m", "rerun"]
+
+
+def native_command(files: Sequence[Path], port: int) -> list[str]:
+    """The desktop viewer, listening on `port`, showing `files`."""
+    return [*rerun_command(), "--bind", HOST, "--port", str(port), *map(str, files)]
+
+
+def web_command(files: Sequence[Path], port: int, web_port: int) -> list[str]:
+    """The web viewer served from this machine. Opens no browser by itself."""
+    return [*rerun_command(), "--web-viewer", "--bind", HOST, "--port", str(port),
+            "--web-viewer-port", str(web_port), *map(str, files)]  # fmt: skip
+
+
+def web_address(port: int, web_port: int) -> str:
+    """The page that shows what the server at `port` has."""
+    return f"http://{HOST}:{web_port}/?url=rerun%2Bhttp://{HOST}:{port}/proxy"
+
+
+def start_viewer(port: int) -> None:
+    """Start the desktop viewer on its own; it outlives the run. Raises OSError."""
+    subprocess.Popen(
+        native_command((), port),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+
+
+def display_available() -> bool:
+    """True if a window can be opened, as far as the environment tells."""
+    if sys.platform in ("darwin", "win32"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def free_port(first: int = GRPC_PORT) -> int:
+    """`first` if it is free on this machine, else any free port. Raises RunFailed if there is none."""
+    for port in (first, 0):
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((HOST, port))
+            except OSError:
+                continue
+            return int(probe.getsockname()[1])
+    raise RunFailed(f"no free TCP port on {HOST}")
+
+
+def answers(port: int, wait_s: float = 10.0) -> bool:
+    """True as soon as something listens on the port, False if nothing does for so long."""
+    end = time.monotonic() + wait_s
+    while time.monotonic() < end:
+        with socket.socket() as probe:
+            probe.settimeout(1.0)
+            if probe.connect_ex((HOST, port)) == 0:
+                return True
+        time.sleep(0.1)
+    return False

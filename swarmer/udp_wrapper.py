@@ -1,0 +1,204 @@
+"""The radio on real UDP over the loopback interface (section 5): sockets, the kernel's filter, unicast or broadcast.
+
+Every FLS listens on two sockets: a unicast one on an address of its own in 127.0.0.0/8, made from its FID, and a
+broadcast one on 127.255.255.255; both on the run's port, which is what keeps two runs on one machine apart. A classic
+BPF program on the broadcast socket drops, before the process wakes, what `radio.heard` would drop; it is attached anew
+whenever the Swarm-ID changes. `radio.heard` is asked again for whatever arrives.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import socket
+import struct
+from bisect import bisect_right
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from swarmer.messages import OFFSET, Kind, Message, To
+from swarmer.radio import Ears, Grid
+
+BROADCAST = "127.255.255.255"
+HOME = "127.0.0.1"  # the engine's own address; an FLS's begins at 127.1.0.0
+SO_ATTACH_FILTER = 26
+SO_RCVBUFFORCE = 33
+LARGEST_FID = (1 << 24) - (1 << 16) - 1
+
+# Classic BPF (linux/filter.h): load word, half, byte at an absolute offset; jump; arithmetic; return.
+LD_W, LD_H, LD_B = 0x20, 0x28, 0x30
+LD_MEM, ST, TAX = 0x60, 0x02, 0x07
+SUB_K, MUL_X, ADD_X = 0x14, 0x2C, 0x0C
+JEQ, JGE_X = 0x15, 0x3D
+RET = 0x06
+UDP_HEADER = 8  # a filter on a UDP socket sees the header first
+ACCEPT, DROP = "accept", "drop"
+
+
+class Wires(NamedTuple):
+    """How the datagrams of one run travel."""
+
+    port: int
+    carrier: str = "auto"  # auto | unicast | broadcast
+    unicast_max: int = 32
+    kernel_filter: bool = True
+    receive_buffer: int = 1 << 20
+
+
+def address_of(fid: int) -> str:
+    """The loopback address of an FLS's unicast socket."""
+    n = (1 << 16) + fid
+    return f"127.{n >> 16 & 255}.{n >> 8 & 255}.{n & 255}"
+
+
+class UdpWrapper:
+    """One FLS's sockets. `near`: the FIDs nearest to it in ground truth, with their distances, nearest first."""
+
+    def __init__(
+        self, fid: int, count: int, wires: Wires, grid: Grid, near: Sequence[int], distances: Sequence[float]
+    ) -> None:
+        """Raises OSError: the port is taken, or no socket is to be had."""
+        self.fid, self.count, self.wires, self.grid = fid, count, wires, grid
+        self._near = [(address_of(other), wires.port) for other in near]
+        self._distances = list(distances)
+        self._sees_all = len(self._near) >= count - 1
+        self._everyone = (BROADCAST, wires.port)
+        self.unicast = open_socket(address_of(fid), wires)
+        self.broadcast = open_socket(BROADCAST, wires, shared=True)
+        self.filtered = False
+
+    def close(self) -> None:
+        self.unicast.close()
+        self.broadcast.close()
+
+    def tune(self, ears: Ears, ranged: bool = True) -> None:
+        """Let the kernel pass only what these ears may take. ranged: it may judge a challenge's range too."""
+        if not self.wires.kernel_filter:
+            return
+        program = filter_program(ears, self.grid, ranged)
+        try:
+            attach(self.broadcast, program)
+            self.filtered = True
+        except OSError:  # a kernel without filters: the same rules run in Python, where they run anyway
+            self.wires = self.wires._replace(kernel_filter=False)
+
+    def send(self, data: bytes, message: Message) -> bool:
+        """Send one datagram to whom it is for; False if the system had no room for it."""
+        try:
+            if message.to == To.FLS:
+                self.unicast.sendto(data, (address_of(message.addressee.xi), self.wires.port))
+            else:
+                self._send_to_many(data, message)
+        except (BlockingIOError, ConnectionRefusedError):
+            return False
+        except OSError as error:
+            if error.errno not in _NO_ROOM:
+                raise
+            return False
+        return True
+
+    def _send_to_many(self, data: bytes, message: Message) -> None:
+        carrier = self.wires.carrier
+        if carrier == "auto" and message.kind == Kind.CHALLENGE_INIT:
+            within = bisect_right(self._distances, message.range)
+            if within <= self.wires.unicast_max and (within < len(self._near) or self._sees_all):
+                for address in self._near[:within]:
+                    self.unicast.sendto(data, address)
+                return
+        if carrier == "unicast":
+            for other in range(1, self.count + 1):
+                if other != self.fid:
+                    self.unicast.sendto(data, (address_of(other), self.wires.port))
+            return
+        self.unicast.sendto(data, self._everyone)
+
+
+_NO_ROOM = frozenset((12, 105, 11))  # ENOMEM, ENOBUFS, EAGAIN
+
+
+def open_socket(address: str, wires: Wires, shared: bool = False) -> socket.socket:
+    """A non-blocking UDP socket at `address` and the run's port; `shared`: others listen there too."""
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC)
+    try:
+        if shared:
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, wires.receive_buffer)
+        sock.bind((address, wires.port))
+    except OSError:
+        sock.close()
+        raise
+    return sock
+
+
+def lock_port(wanted: int) -> socket.socket:
+    """Take a port for one run, by a socket that nobody else can bind: `wanted`, or the first free one from 20000 on.
+
+    Raises OSError if `wanted` is taken, or nothing is free.
+    """
+    ports = [wanted] if wanted else range(20_000, 30_000)
+    for port in ports:
+        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
+        try:
+            sock.bind((HOME, port))
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+            return sock
+        except OSError:
+            sock.close()
+    raise OSError(f"UDP port {wanted} is taken" if wanted else "no free UDP port from 20000 to 29999")
+
+
+def attach(sock: socket.socket, program: bytes) -> None:
+    """Put a filter on a socket, in place of the one it has. Raises OSError."""
+    buffer = ctypes.create_string_buffer(program, len(program))
+    fprog = struct.pack("HL", len(program) // 8, ctypes.addressof(buffer))
+    sock.setsockopt(socket.SOL_SOCKET, SO_ATTACH_FILTER, fprog)
+
+
+def filter_program(ears: Ears, grid: Grid, ranged: bool = True) -> bytes:
+    """`radio.heard` as classic BPF, never stricter: the range is compared on the grid, rounded up."""
+    g = grid.of(ears.truth)
+    code: list[tuple[object, ...]] = [
+        (LD_W, "run"), (JEQ, ears.run, None, DROP),
+        (LD_W, "sender"), (JEQ, ears.fid, DROP, None),
+        (LD_B, "to"), (JEQ, To.ALL, "all", None), (JEQ, To.SWARM, None, "fls"),
+        (LD_W, "addressee"), (JEQ, ears.swarm.xi, None, DROP),
+        (LD_H, "addressee_incarnation"), (JEQ, ears.swarm.incarnation, ACCEPT if ears.swarm.xi else DROP, DROP),
+        ("label", "fls"), (LD_W, "addressee"), (JEQ, ears.fid, ACCEPT, DROP),
+        ("label", "all"), (LD_B, "kind"), (JEQ, Kind.CHALLENGE_INIT, None if ranged else ACCEPT, ACCEPT),
+    ]  # fmt: skip
+    if not ears.swarm.xi:  # dark: no challenge is for it
+        code = code[:-1] + [(JEQ, Kind.CHALLENGE_INIT, DROP, ACCEPT)]
+    elif ranged:
+        for axis in range(3):
+            code += [(LD_W, ("grid", 4 * axis)), (SUB_K, g[axis]), (TAX,), (MUL_X,)]
+            if axis:
+                code += [(TAX,), (LD_MEM, 0), (ADD_X,)]
+            code += [(ST, 0)]
+        # A = reach², X = distance²: accept if A >= X
+        code += [(LD_MEM, 0), (TAX,), (LD_W, "reach2"), (JGE_X, 0, ACCEPT, DROP)]
+    code += [("label", ACCEPT), (RET, 0xFFFF), ("label", DROP), (RET, 0)]
+    return _assemble(code)
+
+
+def _assemble(code: list[tuple[object, ...]]) -> bytes:
+    places: dict[object, int] = {}
+    lines: list[tuple[object, ...]] = []
+    for line in code:
+        if line[0] == "label":
+            places[line[1]] = len(lines)
+        else:
+            lines.append(line)
+    return b"".join(_instruction(line, at, places) for at, line in enumerate(lines))
+
+
+def _instruction(line: tuple[object, ...], at: int, places: dict[object, int]) -> bytes:
+    op = line[0]
+    if op in (JEQ, JGE_X):
+        _, k, yes, no = line
+        jumps = [0 if label is None else places[label] - at - 1 for label in (yes, no)]
+        return struct.pack("=HBBI", op, *jumps, k)
+    k = line[1] if len(line) > 1 else 0
+    if op in (LD_W, LD_H, LD_B):
+        name, extra = k if isinstance(k, tuple) else (k, 0)
+        k = UDP_HEADER + OFFSET[name] + extra
+    return struct.pack("=HBBI", op, 0, 0, k)
