@@ -11,9 +11,12 @@ import heapq
 import os
 from collections import deque
 from itertools import count as counting
+from time import monotonic
 from typing import Any, NamedTuple
 
 from swarmer.messages import (
+    CHALLENGE_INIT,
+    CONTROL,
     ENGINE_FID,
     NO_SWARM,
     BadDatagram,
@@ -55,12 +58,21 @@ from swarmer.udp_wrapper import UdpWrapper, Wires
 FAILED_EXIT = 17  # an FLS that failed as scheduled, without a word (rule 13)
 DEPARTED_EXIT = 18  # one that left to charge
 
+_SENT, _BYTES_SENT, _DELIVERED, _BYTES_DELIVERED = Wire.SENT, Wire.BYTES_SENT, Wire.DELIVERED, Wire.BYTES_DELIVERED
+_LOST_SENDER, _LOST_RECEIVER, _REPLAYED, _BAD = Wire.LOST_SENDER, Wire.LOST_RECEIVER, Wire.REPLAYED, Wire.BAD
+_ANSWERED_AT_ONCE, _DISTANCE_MICROCELLS = Wire.ANSWERED_AT_ONCE, Wire.DISTANCE_MICROCELLS
+_FLIGHTS, _SEND_FAILED, _WOKEN = Wire.FLIGHTS, Wire.SEND_FAILED, Wire.WOKEN
+_WAIT, _GO, _STOP = Phase
+
 # Lower goes first: control and thaw, then what a whole swarm waits for, then the rest.
-PRIORITY = {
-    Kind.CONTROL: 0, Kind.THAW: 0,
-    Kind.SET_WAITING: 1, Kind.SET_AVAILABLE: 1, Kind.FOLLOW: 1, Kind.MERGE: 1, Kind.FOLLOW_MERGE: 1, Kind.CHALLENGE_FIN: 1,
+_FIRST = {Kind.THAW}
+_SECOND = {
+    Kind.SET_WAITING, Kind.SET_AVAILABLE, Kind.FOLLOW, Kind.MERGE, Kind.FOLLOW_MERGE, Kind.CHALLENGE_FIN,
 }  # fmt: skip
-LANDING, MEASURED, LAUNCH, BATTERY, FAILURE = "landing", "measured", "launch", "battery", "failure"
+PRIORITY = tuple(0 if n in _FIRST else 1 if n in _SECOND else 2 for n in range(max(Kind) + 1))
+
+# What an FLS waits for, besides the machine's timers, which come first: places in the list of deadlines.
+LANDING, MEASURED, LAUNCH, BATTERY, FAILURE = range(len(Timer), len(Timer) + 5)
 NEVER = float("inf")
 
 
@@ -105,6 +117,7 @@ class Fls:
         self.velocity, self.sensor = make_velocity(rules), make_sensor(rules)
         self._dead_reckoning = DEAD_RECKONING[rules.dead_reckoning]
         self._sender_rules, self._receiver_rules = EndRules(*rules.sender), EndRules(*rules.receiver)
+        self._sends_perfectly, self._hears_perfectly = self._sender_rules.perfect, self._receiver_rules.perfect
         self._draw_streams()
         self.machine = make_machine(
             rules, Identity(spec.fid, spec.incarnation, spec.truth), spec.neighbours, spec.reach,
@@ -114,7 +127,7 @@ class Fls:
         self.flight = Flight(spec.origin, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
         self._grid = Grid(run.steps_per_cell)
         self._cell = self._grid.of(spec.truth)
-        self.ears = Ears(run.run, spec.fid, NO_SWARM, spec.truth)
+        self.ears = Ears(run.run, spec.fid, NO_SWARM, spec.truth, self.machine.beliefs.neighbours)
         self.udp = UdpWrapper(spec.fid, rules.count, run.wires, self._grid, spec.near, spec.distances)
         self.udp.tune(self.ears)
         self._window = ReplayWindow()
@@ -124,7 +137,8 @@ class Fls:
         self._notes: deque[Message] = deque(maxlen=1024)
         self._held: list[tuple[float, int, Message, Stamp]] = []  # arrived, not yet due
         self._outgoing: list[tuple[float, int, Message, bytes]] = []  # sent, not yet on the air
-        self._due: dict[Any, float] = {LAUNCH: spec.launch_at_s}
+        self._due = [NEVER] * (FAILURE + 1)
+        self._due[LAUNCH] = spec.launch_at_s
         self._measuring: Message | None = None
         self._measured_from: Vec3 = (0.0, 0.0, 0.0)
         self._shown: tuple[object, ...] = ()
@@ -155,20 +169,21 @@ class Fls:
         try:
             message, stamp = decode(data, self.run.key)
         except BadDatagram:
-            counts[Wire.BAD] += 1
+            counts[_BAD] += 1
             return
         here = self.position() if self.rules.range_estimated else None
         refusal = heard(message, stamp, self.ears, self.rules.count, here)
         if refusal is not None:
             counts[_REFUSED[refusal]] += 1
             return
-        if message.kind == Kind.CONTROL:
-            return  # only meant to wake: the clock looks at the control page by itself
+        if message.kind == CONTROL:
+            self._wake(stamp)
+            return
         copies = DELIVERED_NOW
-        if not self._receiver_rules.perfect and message.sender != ENGINE_FID:
+        if not self._hears_perfectly and message.sender != ENGINE_FID:
             copies = fate(self._receiver_rules, self._receiver_rng)
             if not copies:
-                counts[Wire.LOST_RECEIVER] += 1
+                counts[_LOST_RECEIVER] += 1
                 return
         for delay in copies:
             if delay > 0.0:
@@ -179,27 +194,35 @@ class Fls:
             else:
                 self._arrive(message, stamp, len(data))
 
+    def _wake(self, stamp: Stamp) -> None:
+        """The engine wants everybody to look at the control page, which the clock does by itself."""
+        self.network_counts[_WOKEN] += 1
+        self.clock.now()
+        if self.clock.phase == _WAIT:  # a rehearsal: how long does it take to wake us all?
+            self.udp.tune(self.ears)
+            self.slot.handled_late((monotonic() - stamp.sent_at) * 1e3)
+
     def _arrive(self, message: Message, stamp: Stamp, size: int) -> None:
         counts = self.network_counts
         if not self._window.fresh(message.sender, message.incarnation, stamp.number):
-            counts[Wire.REPLAYED] += 1
+            counts[_REPLAYED] += 1
             return
-        counts[Wire.DELIVERED] += 1
-        counts[Wire.BYTES_DELIVERED] += size
+        counts[_DELIVERED] += 1
+        counts[_BYTES_DELIVERED] += size
         verdict = race.judge(
             message, self.published, self.machine.beliefs.neighbours, self.rules.neighbour_reply
         )
         if verdict.note:
             self._notes.append(message)
         if verdict.reply is not None:
-            counts[Wire.ANSWERED_AT_ONCE] += 1
+            counts[_ANSWERED_AT_ONCE] += 1
             spec = self.spec
             reply = race.answer(
                 message, verdict.reply, self.published, spec.fid, spec.incarnation, spec.truth
             )
             self.send(reply, counts)
         if verdict.queue:
-            self._queues[PRIORITY.get(message.kind, 2)].append((message, stamp))  # type: ignore[call-overload]
+            self._queues[PRIORITY[message.kind]].append((message, stamp))
 
     def network_deadline(self) -> float:
         """Emulated second at which the network role has something to do by itself."""
@@ -225,7 +248,7 @@ class Fls:
 
     def deadline(self) -> float:
         """Emulated second of the next timer, landing or measurement."""
-        return min(self._due.values(), default=NEVER)
+        return min(self._due)
 
     def work(self) -> bool:
         """Handle the one thing that is most urgent; False if there is nothing to do now."""
@@ -233,18 +256,18 @@ class Fls:
             self._take_notes()
         clock = self.clock
         now = clock.now()
-        if clock.phase != Phase.GO:
+        if clock.phase != _GO:
             return self._before_or_after()
         queues = self._queues
         if queues[0]:
             return self._take_message(queues[0], now)
-        if self._due:
-            what, due_s = min(self._due.items(), key=_second)
-            if due_s <= now:
-                del self._due[what]
-                self.slot.timer_late((now - due_s) * 1e3)
-                self._take_due(what, now)
-                return True
+        due_s = min(self._due)
+        if due_s <= now:
+            what = self._due.index(due_s)
+            self._due[what] = NEVER
+            self.slot.timer_late((now - due_s) * 1e3)
+            self._take_due(what, now)
+            return True
         if queues[1]:
             return self._take_message(queues[1], now)
         if queues[2]:
@@ -252,7 +275,7 @@ class Fls:
         return False
 
     def _before_or_after(self) -> bool:
-        if self.clock.phase == Phase.STOP:
+        if self.clock.phase == _STOP:
             self.exit_status = 0
         return False
 
@@ -268,25 +291,25 @@ class Fls:
         self._feed(Received(message), now)
         return True
 
-    def _take_due(self, what: object, now: float) -> None:
-        if type(what) is Timer:
-            self._feed(Due(what), now)
-        elif what is LANDING:
+    def _take_due(self, what: int, now: float) -> None:
+        if what < LANDING:
+            self._feed(_DUE[what], now)
+        elif what == LANDING:
             # Where the flight ends, whenever that is noticed.
             end = position_at(self.flight, NEVER, self.velocity)
             self.flight = Flight(end, (0.0, 0.0, 0.0), now, 0.0, 0.0)
-            self._feed(Landed(), now)
-        elif what is MEASURED:
+            self._feed(_LANDED, now)
+        elif what == MEASURED:
             self._measure(now)
-        elif what is LAUNCH:
+        elif what == LAUNCH:
             self._launch(now)
-        elif what is BATTERY:
+        elif what == BATTERY:
             self._feed(BatteryLow(), now)
-        elif what is FAILURE:
+        else:
             os._exit(FAILED_EXIT)
 
     def _launch(self, now: float) -> None:
-        self._feed(Landed() if self.rules.deploy_random else Launch(self.spec.origin), now)
+        self._feed(_LANDED if self.rules.deploy_random else Launch(self.spec.origin), now)
 
     def _measure(self, now: float) -> None:
         x, o = self.position(), self._measured_from
@@ -307,7 +330,7 @@ class Fls:
         elif kind is Arm:
             self._due[action.timer] = action.at_s  # type: ignore[union-attr]
         elif kind is Disarm:
-            self._due.pop(action.timer, None)  # type: ignore[union-attr]
+            self._due[action.timer] = NEVER  # type: ignore[union-attr]
         elif kind is Fly:
             self._fly(action.vector, now)  # type: ignore[union-attr]
         elif kind is Measure:
@@ -323,8 +346,8 @@ class Fls:
         flown = self._dead_reckoning(vector, rules.epsilon, rules.dim, self._flight_rng)
         self.flight = flight = plan_flight(self.position(), flown, now, self.velocity)
         self._due[LANDING] = now + flight.duration_s
-        self.handler_counts[Wire.FLIGHTS] += 1
-        self.handler_counts[Wire.DISTANCE_MICROCELLS] += round(flight.length * 1e6)
+        self.handler_counts[_FLIGHTS] += 1
+        self.handler_counts[_DISTANCE_MICROCELLS] += round(flight.length * 1e6)
 
     def _retune(self) -> None:
         machine = self.machine
@@ -355,20 +378,20 @@ class Fls:
 
     def send(self, message: Message, counts: memoryview) -> None:
         """Stamp and send; `counts`: those of the thread that sends."""
-        reach2 = self._grid.reach2(message.range) if message.kind == Kind.CHALLENGE_INIT else 0xFFFFFFFF
+        reach2 = self._grid.reach2(message.range) if message.kind == CHALLENGE_INIT else 0xFFFFFFFF
         now = self.clock.now()
         copies = DELIVERED_NOW
-        if not self._sender_rules.perfect:
+        if not self._sends_perfectly:
             copies = fate(self._sender_rules, self._sender_rng)
         delay = copies[0] if copies else 0.0
         stamp = Stamp(
             self.run.run, next(self._numbers), self.position(), now + delay, self._cell, reach2
         )
         data = encode(message, stamp, self.run.key)
-        counts[Wire.SENT] += 1
-        counts[Wire.BYTES_SENT] += len(data)
+        counts[_SENT] += 1
+        counts[_BYTES_SENT] += len(data)
         if not copies:
-            counts[Wire.LOST_SENDER] += 1
+            counts[_LOST_SENDER] += 1
         for delay in copies:
             if delay > 0.0:
                 heapq.heappush(self._outgoing, (now + delay, next(self._order), message, data))
@@ -377,7 +400,7 @@ class Fls:
 
     def _transmit(self, data: bytes, message: Message, counts: memoryview) -> None:
         if not self.udp.send(data, message):
-            counts[Wire.SEND_FAILED] += 1
+            counts[_SEND_FAILED] += 1
 
     def start(self) -> None:
         """Show the FLS at its start, and that it is ready."""
@@ -391,11 +414,11 @@ class Fls:
 
 _REFUSED = {
     "run": Wire.OTHER_RUN, "sender": Wire.BAD, "address": Wire.NOT_ADDRESSED, "range": Wire.OUT_OF_RANGE,
+    "own": Wire.OWN_SWARM,
 }  # fmt: skip
 
-
-def _second(item: tuple[object, float]) -> float:
-    return item[1]
+_DUE = tuple(map(Due, Timer))
+_LANDED = Landed()
 
 
 def _size(run: RunSpec) -> int:

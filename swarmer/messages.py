@@ -43,12 +43,33 @@ class Kind(IntEnum):
     CONTROL = 15  # from the engine (FID 0): look at the control page
 
 
+# The same by plain names: an attribute of an enum class costs a slow look-up, and these stand in the hottest lines.
+CHALLENGE_INIT = Kind.CHALLENGE_INIT
+CHALLENGE_ACCEPT = Kind.CHALLENGE_ACCEPT
+CHALLENGE_ACK = Kind.CHALLENGE_ACK
+CHALLENGE_FIN = Kind.CHALLENGE_FIN
+SET_WAITING = Kind.SET_WAITING
+SET_AVAILABLE = Kind.SET_AVAILABLE
+FOLLOW = Kind.FOLLOW
+MERGE = Kind.MERGE
+FOLLOW_MERGE = Kind.FOLLOW_MERGE
+LEASE_RENEW = Kind.LEASE_RENEW
+LEASE_CANCEL = Kind.LEASE_CANCEL
+THAW = Kind.THAW
+NEIGHBOUR = Kind.NEIGHBOUR
+LEAVE = Kind.LEAVE
+CONTROL = Kind.CONTROL
+
+
 class To(IntEnum):
     """Whom a datagram is for."""
 
     FLS = 0
     SWARM = 1
     ALL = 2
+
+
+TO_FLS, TO_SWARM, TO_ALL = To
 
 
 class Swarm(NamedTuple):
@@ -127,6 +148,8 @@ OFFSET = {
     "addressee": 10,
     "addressee_incarnation": 14,
     "sender": 16,
+    "swarm": 30,
+    "swarm_incarnation": 34,
     "grid": 50,
     "reach2": 62,
 }
@@ -163,9 +186,9 @@ def decode(data: bytes | bytearray | memoryview, key: bytes = b"") -> tuple[Mess
         raise BadDatagram("version")
     if kind not in _KINDS:
         raise BadDatagram("kind")
-    if to > To.ALL or (to != To.ALL and to_id == 0):
+    if to > TO_ALL or (to != TO_ALL and to_id == 0):
         raise BadDatagram("address")
-    if (sender == ENGINE_FID) != (kind == Kind.CONTROL) and not (sender == ENGINE_FID and kind in FROM_ENGINE):
+    if (sender == ENGINE_FID) != (kind == CONTROL) and not (sender == ENGINE_FID and kind in FROM_ENGINE):
         raise BadDatagram("sender")
     if flags & ~ALL_FLAGS:
         raise BadDatagram("flags")

@@ -9,7 +9,16 @@ from math import ceil, dist
 from random import Random
 from typing import NamedTuple
 
-from swarmer.messages import ENGINE_FID, NO_SWARM, Kind, Message, Stamp, Swarm, To, Vec3
+from swarmer.messages import (
+    CHALLENGE_INIT,
+    NO_SWARM,
+    TO_FLS,
+    TO_SWARM,
+    Message,
+    Stamp,
+    Swarm,
+    Vec3,
+)
 
 WINDOW = 64  # datagrams behind the newest that may still arrive: an FLS listens on two sockets (rule 12)
 
@@ -21,13 +30,16 @@ class Ears(NamedTuple):
     fid: int
     swarm: Swarm  # NO_SWARM while dark
     truth: Vec3
+    neighbours: frozenset[int]  # the planned ones
 
 
 def heard(
     message: Message, stamp: Stamp, ears: Ears, count: int, origin_range: Vec3 | None = None
 ) -> str | None:
-    """Why these ears do not take a datagram (`run`, `sender`, `address`, `range`), or None if they do.
+    """Why these ears do not take a datagram (`run`, `sender`, `address`, `range`, `own`), or None if they do.
 
+    `own` is a challenge from the own swarm: it gets no further than the radio (SwarMer, footnote 10), unless it comes
+    from a planned neighbour, whose Swarm-ID is worth noting (rule 9).
     count: F, the number of FLSs of the run. origin_range: where the receiver really is, if the range is measured
     between positions and not between points (the authors' code).
     """
@@ -35,13 +47,17 @@ def heard(
         return "run"
     if message.sender > count or message.sender == ears.fid:
         return "sender"
-    if message.to == To.FLS:
+    if message.to == TO_FLS:
         if message.addressee.xi != ears.fid:
             return "address"
-    elif message.to == To.SWARM and (message.addressee != ears.swarm or ears.swarm == NO_SWARM):
+    elif message.to == TO_SWARM and (message.addressee != ears.swarm or ears.swarm == NO_SWARM):
         return "address"
-    if message.kind != Kind.CHALLENGE_INIT:  # all others go with the maximum range
+    if message.kind != CHALLENGE_INIT:  # all others go with the maximum range
         return None
+    if ears.swarm == NO_SWARM:
+        return "address"  # dark: no challenge is for it
+    if message.swarm == ears.swarm and message.sender not in ears.neighbours:
+        return "own"
     if origin_range is None:
         far = dist(message.truth, ears.truth) > message.range
     else:
@@ -82,7 +98,7 @@ class EndRules(NamedTuple):
 
     @property
     def perfect(self) -> bool:
-        return not any(self)
+        return not (self.loss or self.duplicate or self.reorder or self.delay_s or self.jitter_s)
 
 
 DELIVERED_NOW = (0.0,)
@@ -135,7 +151,3 @@ class ReplayWindow:
         self._seen[sender] = (known, newest, bits | 1 << -ahead)
         return True
 
-
-def is_control(message: Message) -> bool:
-    """From the engine, not from an FLS: no range, loss or delay applies."""
-    return message.sender == ENGINE_FID

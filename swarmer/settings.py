@@ -74,8 +74,18 @@ class Setting:
             return f"{plain(self.low)} to {plain(self.high)} positions [L, H, D]"
         if self.kind == "choice":
             return spelled(self.words)
+        return self.span + self.besides
+
+    @property
+    def span(self) -> str:
+        """The range of a number, without the words it takes besides."""
         low = f"above {plain(self.low)}, up to" if self.above else f"{plain(self.low)} to"
-        return f"{low} {plain(self.high)}" + "".join(f", or {word}" for word in self.words)
+        return f"{low} {plain(self.high)}"
+
+    @property
+    def besides(self) -> str:
+        """', or auto' for a number that takes the word `auto`."""
+        return "".join(f", or {word}" for word in self.words)
 
     @property
     def allowed(self) -> str:
@@ -102,13 +112,18 @@ class Setting:
         return CHECKS[self.kind](self, value)
 
 
+def is_number(value: Any) -> bool:
+    """True for whole and real numbers, numpy's too; a bool is none."""
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)
+
+
 def _check_number(setting: Setting, value: Any) -> Any:
     if isinstance(value, str):
         if value in setting.words:
             return value
         if EXPONENT.fullmatch(value.strip()):
             value = float(value)
-    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+    if not is_number(value):
         raise Refused("is not a number")
     if not isinstance(value, numbers.Integral) and not math.isfinite(value):
         raise Refused("is not a finite number")
@@ -157,7 +172,7 @@ def _position(entry: Any) -> tuple[float, float, float]:
     if not isinstance(entry, list | tuple) or len(entry) != 3:
         raise Refused("has an entry that is not [L, H, D]")
     for part in entry:
-        if isinstance(part, bool) or not isinstance(part, numbers.Real) or not abs(part) <= 1_000_000:
+        if not is_number(part) or not abs(part) <= 1_000_000:
             raise Refused("has a coordinate that is no number between -1000000 and 1000000")
     return (float(entry[0]), float(entry[1]), float(entry[2]))
 

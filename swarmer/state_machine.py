@@ -20,9 +20,25 @@ from typing import TYPE_CHECKING, NamedTuple
 from swarmer.messages import (
     ANCHORING,
     BUSY,
+    CHALLENGE_ACCEPT,
+    CHALLENGE_ACK,
+    CHALLENGE_FIN,
+    CHALLENGE_INIT,
+    FOLLOW_MERGE,
     JOIN,
+    LEASE_CANCEL,
+    LEASE_RENEW,
+    MERGE,
+    NEIGHBOUR,
     NO_SWARM,
+    SET_AVAILABLE,
+    SET_WAITING,
     SWARM_KINDS,
+    THAW,
+    LEAVE,
+    TO_ALL,
+    TO_FLS,
+    TO_SWARM,
     ZERO,
     Kind,
     Message,
@@ -34,6 +50,7 @@ from swarmer.protocol.anchor_selection import AnchorSelection, Party
 from swarmer.protocol.beliefs import Beliefs
 from swarmer.protocol.challenge_policy import ChallengePolicy
 from swarmer.protocol.events import (
+    KEYS,
     Action,
     Arm,
     BatteryLow,
@@ -71,6 +88,11 @@ class State(IntEnum):
     BUSY_ANCHOR = 2
     BUSY_LOCALIZING = 3
     WAITING = 4
+
+
+D, A, BA, BL, W = State
+CHALLENGE_TIMER, BOUND_TIMER, LEASE_TIMER, RENEW_TIMER, THAW_TIMER = Timer
+_LAUNCH, _LANDED, _MEASURED, _BATTERY_LOW = map(int, (Local.LAUNCH, Local.LANDED, Local.MEASURED, Local.BATTERY_LOW))
 
 
 class Identity(NamedTuple):
@@ -124,6 +146,20 @@ class View(NamedTuple):
     size: int
 
 
+(
+    _LOCALIZATIONS,
+    _ANCHORINGS,
+    _LEASES_GRANTED,
+    _LEASES_EXPIRED,
+    _THAWS_STARTED,
+    _THAWS_OBEYED,
+    _HANDLED,
+    _IGNORED,
+    _STALE,
+    _JOINS,
+) = map(int, Count)  # plain numbers: these are counted at every event
+
+
 class ProtocolBug(RuntimeError):
     """An engine fed an event that cannot happen in this state."""
 
@@ -147,7 +183,7 @@ class StateMachine:
         self.settings = settings
         self.policy, self.thaw_policy, self.rng = challenge_policy, thaw_policy, rng
         self.counts: MutableSequence[int] = [0] * len(Count) if counts is None else counts
-        self.state = State.DEPLOYING
+        self.state = D
         self.flying = False
         self.epoch = epoch
         self.swarm = Swarm(self.fid, self.incarnation)
@@ -168,7 +204,7 @@ class StateMachine:
         self._reminded: dict[int, float] = {}
         self._thawed_s = -1e9
         self._tick_s = 0.0
-        self._armed: set[Timer] = set()
+        self._armed = 0  # one bit for each Timer
         self._leaving = self.departed = False
         self._now = 0.0
         self._actions: list[Action] = []
@@ -177,18 +213,18 @@ class StateMachine:
 
     @property
     def awake(self) -> bool:
-        return self.state is not State.DEPLOYING
+        return self.state is not D
 
     @property
     def available(self) -> bool:
-        return self.state is State.AVAILABLE
+        return self.state is A
 
     @property
     def anchoring(self) -> bool:
         """Busy Anchor, or Waiting only because the swarm anchors (Wa)."""
-        if self.state is State.WAITING:
+        if self.state is W:
             return bool(self.holders) and all(self.holders.values())
-        return self.state is State.BUSY_ANCHOR
+        return self.state is BA
 
     @property
     def joins(self) -> bool:
@@ -220,19 +256,19 @@ class StateMachine:
         if type(event) is Received:
             self._receive(event)
         elif type(event) is Due:
-            self._armed.discard(event.timer)
-            self._apply(_DUE[event.timer], None)
+            self._armed &= ~(1 << event.timer)
+            self._apply(_TIMERS + event.timer, None)
         elif type(event) is Landed:
             self._land()
         elif type(event) is Measured:
-            if self.state is State.BUSY_LOCALIZING and not self.flying:
-                self._apply(Local.MEASURED, event)
+            if self.state is BL and not self.flying:
+                self._apply(_MEASURED, event)
         elif type(event) is Launch:
-            self._apply(Local.LAUNCH, event)
+            self._apply(_LAUNCH, event)
         elif type(event) is BatteryLow:
             self._leaving = True
             if not self.flying:
-                self._apply(Local.BATTERY_LOW, None)
+                self._apply(_BATTERY_LOW, None)
         return actions
 
     def _receive(self, event: Received) -> None:
@@ -243,72 +279,73 @@ class StateMachine:
             return
         self.beliefs.note(message)
         kind = message.kind
-        if event.noted or kind == Kind.NEIGHBOUR:
-            self.counts[Count.HANDLED] += 1
+        if event.noted or kind == NEIGHBOUR:
+            self.counts[_HANDLED] += 1
         elif self.flying and kind in _NOT_IN_FLIGHT:
             self._receive_in_flight(message)
         elif kind in SWARM_KINDS and message.addressee != self.swarm:
-            self.counts[Count.IGNORED] += 1
+            self.counts[_IGNORED] += 1
         else:
-            self._apply(Kind(kind), message)
+            self._apply(kind, message)
 
     def _meet_epoch(self, message: Message) -> bool:
         """Rule 12: a newer epoch is obeyed first, an older one is told. Handle the message then?"""
         if message.epoch > self.epoch:
             self._obey_thaw(message.epoch)
-            return message.kind != Kind.THAW
-        self.counts[Count.STALE] += 1
+            return message.kind != THAW
+        self.counts[_STALE] += 1
         due = self._reminded.get(message.sender, -1e9) + self.settings.lambda_s
-        if self.awake and message.sender and message.kind != Kind.THAW and due <= self._now:
+        if self.awake and message.sender and message.kind != THAW and due <= self._now:
             self._reminded[message.sender] = self._now
-            self._tell(message, Kind.THAW)
+            self._tell(message, THAW)
         return False
 
     def _receive_in_flight(self, message: Message) -> None:
         if message.kind in SWARM_KINDS and self.awake and len(self._pending) < PENDING_MAX:
             self._pending.append(message)
             return
-        self.counts[Count.IGNORED] += 1
-        if message.kind in (Kind.CHALLENGE_ACCEPT, Kind.CHALLENGE_ACK) and self.awake:
-            self._tell(message, Kind.LEASE_CANCEL)
+        self.counts[_IGNORED] += 1
+        if message.kind in (CHALLENGE_ACCEPT, CHALLENGE_ACK) and self.awake:
+            self._tell(message, LEASE_CANCEL)
 
     def _land(self) -> None:
         self.flying = False
-        self._apply(Local.LANDED, None)
+        self._apply(_LANDED, None)
         pending, self._pending = self._pending, []
         for message in pending:
             if self.flying:  # one of them asked for a flight: the rest waits for its landing
                 self._pending.append(message)
             elif message.addressee == self.swarm:
-                self._apply(Kind(message.kind), message)
+                self._apply(message.kind, message)
             else:
-                self.counts[Count.IGNORED] += 1
+                self.counts[_IGNORED] += 1
         if self._leaving and not self.flying:
-            self._apply(Local.BATTERY_LOW, None)
+            self._apply(_BATTERY_LOW, None)
 
-    def _apply(self, key: Kind | Local, body: object) -> None:
-        rule = TABLE[self.state].get(key)
+    def _apply(self, key: int, body: object) -> None:
+        state = self.state
+        rule = _RULES[state][key]
         if rule is None:
-            if type(key) is Local:
-                raise ProtocolBug(f"FLS {self.fid}: {key.name} in {self.state.name}")
-            self.counts[Count.IGNORED] += 1
+            if key >= _TIMERS:
+                raise ProtocolBug(f"FLS {self.fid}: {Local(key).name} in {state.name}")
+            self.counts[_IGNORED] += 1
             return
-        if type(key) is Kind:
-            self.counts[Count.HANDLED] += 1
+        if key < _TIMERS:
+            self.counts[_HANDLED] += 1
         rule.act(self, body)
         if self.state not in rule.leads_to:
-            raise ProtocolBug(f"FLS {self.fid}: {key.name} led to {self.state.name}, not {rule.leads_to}")
+            raise ProtocolBug(f"FLS {self.fid}: {key} in {state.name} led to {self.state.name}")
 
     # -- timers and messages -------------------------------------------------------------------------------------
 
     def _arm(self, timer: Timer, at_s: float) -> None:
-        self._armed.add(timer)
+        self._armed |= 1 << timer
         self._actions.append(Arm(timer, at_s))
 
     def _disarm(self, *timers: Timer) -> None:
         for timer in timers:
-            if timer in self._armed:
-                self._armed.discard(timer)
+            if self._armed >> timer & 1:
+                self._armed &= ~(1 << timer)
                 self._actions.append(Disarm(timer))
 
     def _say(
@@ -335,23 +372,23 @@ class StateMachine:
 
     def _tell(self, message: Message, kind: Kind, flags: int = 0, other: Swarm = NO_SWARM) -> None:
         """Answer the sender of `message`, about the same challenge."""
-        self._say(kind, To.FLS, Swarm(message.sender, 0), flags, message.challenge, other)
+        self._say(kind, TO_FLS, Swarm(message.sender, 0), flags, message.challenge, other)
 
     def _tell_swarm(self, kind: Kind, swarm: Swarm | None = None, flags: int = 0) -> None:
-        self._say(kind, To.SWARM, self.swarm if swarm is None else swarm, flags)
+        self._say(kind, TO_SWARM, self.swarm if swarm is None else swarm, flags)
 
     # -- states --------------------------------------------------------------------------------------------------
 
     def _become_available(self) -> None:
-        self._disarm(Timer.BOUND, Timer.LEASE, Timer.RENEW)
+        self._disarm(BOUND_TIMER, LEASE_TIMER, RENEW_TIMER)
         self.holders.clear()
         self.anchor = None
-        self.state = State.AVAILABLE
+        self.state = A
         if self.settings.challenge_on_available:
             self._challenge()
 
     def _fly(self, vector: Vec3) -> None:
-        self._disarm(Timer.BOUND)
+        self._disarm(BOUND_TIMER)
         self.holders.clear()
         self.flying = True
         self._actions.append(Fly(vector))
@@ -364,21 +401,21 @@ class StateMachine:
     def _start_timers(self) -> None:
         """The challenge tick within λ of a landing or thaw, and this FLS's own thaw."""
         self._tick_s = self._now + self.rng.uniform(0.0, self.settings.lambda_s)
-        self._arm(Timer.CHALLENGE, self._tick_s)
+        self._arm(CHALLENGE_TIMER, self._tick_s)
         self._arm_thaw()
 
     def _arm_thaw(self) -> None:
         delay = self.thaw_policy.delay_s(self.rng)
         if delay is not None:
-            self._arm(Timer.THAW, self._now + delay)
+            self._arm(THAW_TIMER, self._now + delay)
 
     def _obey_thaw(self, epoch: int) -> None:
         """Start again from here: ξ = FID, nothing owed, nothing believed (rule 11)."""
         self.epoch = epoch
         self._reminded.clear()
-        if self.state is State.DEPLOYING:
+        if self.state is D:
             return
-        self.counts[Count.THAWS_OBEYED] += 1
+        self.counts[_THAWS_OBEYED] += 1
         self._thawed_s = self._now
         self.swarm, self.size = Swarm(self.fid, self.incarnation), 1
         self.reach, self._open, self._taken = self.settings.range_start, False, True
@@ -386,9 +423,9 @@ class StateMachine:
         for table in (self.leases, self.holders, self._accepts, self._pending, self.beliefs):
             table.clear()
         self.policy.thawed()
-        self._disarm(Timer.BOUND, Timer.LEASE, Timer.RENEW)
+        self._disarm(BOUND_TIMER, LEASE_TIMER, RENEW_TIMER)
         # A flight that has begun goes on; a Waiting FLS that lands is Available and tells nobody.
-        self.state = State.WAITING if self.flying else State.AVAILABLE
+        self.state = W if self.flying else A
         self._start_timers()
 
     # -- rules: deploying, challenging ---------------------------------------------------------------------------
@@ -410,13 +447,13 @@ class StateMachine:
 
     def skip_tick(self, _: object) -> None:
         self._rearm_tick()
-        if self.settings.waiting_ends_at_tick and self.state is State.WAITING and not self.flying:
+        if self.settings.waiting_ends_at_tick and self.state is W and not self.flying:
             self._become_available()
 
     def _rearm_tick(self) -> None:
         # From the tick's own time, not from now: a late process must not challenge less often.
         self._tick_s = max(self._now, self._tick_s + self.settings.lambda_s * self.rng.uniform(0.5, 1.5))
-        self._arm(Timer.CHALLENGE, self._tick_s)
+        self._arm(CHALLENGE_TIMER, self._tick_s)
 
     def _challenge(self) -> None:
         s = self.settings
@@ -425,7 +462,7 @@ class StateMachine:
         self.challenge = self.challenge % 0xFFFFFFFF + 1
         self._open, self._taken = True, False
         self._say(
-            Kind.CHALLENGE_INIT, To.ALL, flags=self._join_flag(), challenge=self.challenge, reach=self.reach
+            CHALLENGE_INIT, TO_ALL, flags=self._join_flag(), challenge=self.challenge, reach=self.reach
         )
 
     def _join_flag(self) -> int:
@@ -437,9 +474,9 @@ class StateMachine:
         """INIT: an Available FLS of another swarm always accepts; an anchoring one if rule 3 allows it."""
         if message.swarm == self.swarm:
             if self.settings.neighbour_reply and message.sender in self.beliefs.neighbours:
-                self._tell(message, Kind.NEIGHBOUR)
+                self._tell(message, NEIGHBOUR)
             return
-        busy = self.state is not State.AVAILABLE
+        busy = self.state is not A
         if busy and not (self.anchoring and self._may_anchor(message, challenged=False)):
             return
         if self._now - self._last_accept_s < self.settings.accept_gap_s:
@@ -448,7 +485,7 @@ class StateMachine:
         self._accepts[message.sender] = Accept(
             message.challenge, self.size, self._now + self.settings.lease_s
         )
-        self._tell(message, Kind.CHALLENGE_ACCEPT, self._join_flag() | (BUSY if busy else 0))
+        self._tell(message, CHALLENGE_ACCEPT, self._join_flag() | (BUSY if busy else 0))
 
     def note_init(self, message: Message) -> None:
         """INIT while localizing: only a neighbour's question of the own swarm has an answer."""
@@ -458,19 +495,19 @@ class StateMachine:
     def take_acceptance(self, message: Message) -> None:
         """ACCEPT at a challenger that is still Available: the first one pairs."""
         if not self._open or message.challenge != self.challenge or message.swarm == self.swarm:
-            self._tell(message, Kind.LEASE_CANCEL)
+            self._tell(message, LEASE_CANCEL)
             return
         self._open, self._taken = False, True
-        self._tell(message, Kind.CHALLENGE_ACK, self._join_flag(), other=message.swarm)
+        self._tell(message, CHALLENGE_ACK, self._join_flag(), other=message.swarm)
         self._pair(message, challenged=True, other_size=message.size)
 
     def take_more(self, message: Message) -> None:
         """ACCEPT at a challenger that became anchor: later ones pair too while M allows."""
         if message.challenge == self.challenge and self._may_anchor(message, challenged=True):
-            self._tell(message, Kind.CHALLENGE_ACK, self._join_flag(), other=message.swarm)
+            self._tell(message, CHALLENGE_ACK, self._join_flag(), other=message.swarm)
             self._grant(message.sender)
         else:
-            self._tell(message, Kind.LEASE_CANCEL)
+            self._tell(message, LEASE_CANCEL)
 
     def take_ack(self, message: Message) -> None:
         """ACK: the acceptance still stands if it is remembered and the Swarm-ID it named is still ours."""
@@ -482,17 +519,17 @@ class StateMachine:
             and message.other == self.swarm != message.swarm
         )
         if not stands:
-            self._tell(message, Kind.LEASE_CANCEL)
-        elif self.state is State.AVAILABLE:
+            self._tell(message, LEASE_CANCEL)
+        elif self.state is A:
             assert accept is not None
             self._pair(message, challenged=False, my_size=accept.size)
         elif self.anchoring and self._may_anchor(message, challenged=False):
             self._anchor(message)
         else:
-            self._tell(message, Kind.LEASE_CANCEL)
+            self._tell(message, LEASE_CANCEL)
 
     def refuse(self, message: Message) -> None:
-        self._tell(message, Kind.LEASE_CANCEL)
+        self._tell(message, LEASE_CANCEL)
 
     def _pair(
         self, message: Message, challenged: bool, other_size: int | None = None, my_size: int | None = None
@@ -529,35 +566,35 @@ class StateMachine:
         return self._anchors(message, challenged)
 
     def _anchor(self, message: Message) -> None:
-        if self.state is not State.BUSY_ANCHOR:
-            self.counts[Count.ANCHORINGS] += 1
-            self._disarm(Timer.BOUND)
+        if self.state is not BA:
+            self.counts[_ANCHORINGS] += 1
+            self._disarm(BOUND_TIMER)
             self.holders.clear()
-            self.state = State.BUSY_ANCHOR
-            self._tell_swarm(Kind.SET_WAITING, flags=ANCHORING)
+            self.state = BA
+            self._tell_swarm(SET_WAITING, flags=ANCHORING)
         if message.flags & JOIN:
-            self.counts[Count.JOINS] += 1
+            self.counts[_JOINS] += 1
         self._grant(message.sender)
 
     def _grant(self, fid: int) -> None:
         if fid not in self.leases:
-            self.counts[Count.LEASES_GRANTED] += 1
+            self.counts[_LEASES_GRANTED] += 1
         self.leases.grant(fid, self._now)
         self._arm_lease()
 
     def _arm_lease(self) -> None:
         expiry = self.leases.next_expiry()
         if expiry is not None:
-            self._arm(Timer.LEASE, expiry)
+            self._arm(LEASE_TIMER, expiry)
 
     # -- rules: localizing ---------------------------------------------------------------------------------------
 
     def _localize(self, message: Message) -> None:
         self._open = False
         self.anchor = message
-        self.state = State.BUSY_LOCALIZING
-        self._tell_swarm(Kind.SET_WAITING)
-        self._arm(Timer.RENEW, self._now + self.settings.lease_s / 2)
+        self.state = BL
+        self._tell_swarm(SET_WAITING)
+        self._arm(RENEW_TIMER, self._now + self.settings.lease_s / 2)
         self._actions.append(Measure(message))
 
     def localize(self, event: Measured) -> None:
@@ -566,36 +603,36 @@ class StateMachine:
         assert anchor is not None
         g, a = self.truth, anchor.truth
         vector = self.settings.localizer.displacement(event.vector, (a[0] - g[0], a[1] - g[1], a[2] - g[2]))
-        self.counts[Count.LOCALIZATIONS] += 1
+        self.counts[_LOCALIZATIONS] += 1
         old, self._brought = self.swarm, self.size
         self._take_swarm(anchor.swarm, self.size + anchor.size)
         length2 = vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2
         if length2 >= self.settings.flight_threshold**2:
-            self._say(Kind.FOLLOW_MERGE, To.SWARM, old, other=self.swarm, vector=vector)
+            self._say(FOLLOW_MERGE, TO_SWARM, old, other=self.swarm, vector=vector)
             self._fly(vector)
         else:
-            self._say(Kind.MERGE, To.SWARM, old, other=self.swarm)
+            self._say(MERGE, TO_SWARM, old, other=self.swarm)
             self.finish(None)
 
     def finish(self, _: object) -> None:
         """Landed where the localization led: the anchor may go."""
         if self.anchor is not None:
             self._say(
-                Kind.CHALLENGE_FIN, To.FLS, Swarm(self.anchor.sender, 0), challenge=self.anchor.challenge,
+                CHALLENGE_FIN, TO_FLS, Swarm(self.anchor.sender, 0), challenge=self.anchor.challenge,
                 size=self._brought,
             )  # fmt: skip
         self._become_available()
 
     def renew_lease(self, _: object) -> None:
         assert self.anchor is not None
-        self._tell(self.anchor, Kind.LEASE_RENEW)
-        self._arm(Timer.RENEW, self._now + self.settings.lease_s / 2)
+        self._tell(self.anchor, LEASE_RENEW)
+        self._arm(RENEW_TIMER, self._now + self.settings.lease_s / 2)
 
     def cancelled(self, message: Message) -> None:
         """LEASE_CANCEL at a localizer: from its anchor and on the ground it gives up; flying it finishes."""
         if self.anchor is not None and message.sender == self.anchor.sender and not self.flying:
             self._become_available()
-            self._tell_swarm(Kind.SET_AVAILABLE)
+            self._tell_swarm(SET_AVAILABLE)
 
     def forget_accept(self, message: Message) -> None:
         self._accepts.pop(message.sender, None)
@@ -605,14 +642,14 @@ class StateMachine:
     def free(self, message: Message) -> None:
         """FIN or CANCEL: that lease is over; after the last one the anchor and its swarm are free (rule 7)."""
         if self.leases.release(message.sender):
-            if message.kind == Kind.CHALLENGE_FIN:
+            if message.kind == CHALLENGE_FIN:
                 self.size += message.size
                 self.merged = True
                 self.policy.merged()
             self._after_lease()
 
     def lease_over(self, _: object) -> None:
-        self.counts[Count.LEASES_EXPIRED] += len(self.leases.expire(self._now))
+        self.counts[_LEASES_EXPIRED] += len(self.leases.expire(self._now))
         self._after_lease()
 
     def _after_lease(self) -> None:
@@ -620,22 +657,22 @@ class StateMachine:
             self._arm_lease()
         else:
             self._become_available()
-            self._tell_swarm(Kind.SET_AVAILABLE)
+            self._tell_swarm(SET_AVAILABLE)
 
     def renewed(self, message: Message) -> None:
         if message.sender in self.leases or self._may_anchor(message, challenged=False):
             self._grant(message.sender)
         else:
-            self._tell(message, Kind.LEASE_CANCEL)
+            self._tell(message, LEASE_CANCEL)
 
     # -- rules: following ----------------------------------------------------------------------------------------
 
     def wait(self, message: Message) -> None:
         """SET_WAITING: stand still until the sender, or the bound, says otherwise."""
-        self.state = State.WAITING
+        self.state = W
         self._open = False
         self.holders[message.sender] = bool(message.flags & ANCHORING)
-        self._arm(Timer.BOUND, self._now + self.settings.waiting_bound_s)
+        self._arm(BOUND_TIMER, self._now + self.settings.waiting_bound_s)
 
     def resume(self, message: Message) -> None:
         """SET_AVAILABLE: the sender no longer holds this FLS."""
@@ -649,12 +686,12 @@ class StateMachine:
 
     def follow(self, message: Message) -> None:
         self._open = False
-        self.state = State.WAITING
+        self.state = W
         self._fly(message.vector)
 
     def merge(self, message: Message) -> None:
         self._take_swarm(message.other, message.size)
-        if self.state is not State.BUSY_ANCHOR:
+        if self.state is not BA:
             self._become_available()
 
     def follow_merge(self, message: Message) -> None:
@@ -672,10 +709,10 @@ class StateMachine:
 
     def thaw_due(self, _: object) -> None:
         """This FLS's own timer: begin the next epoch for everybody."""
-        self.counts[Count.THAWS_STARTED] += 1
+        self.counts[_THAWS_STARTED] += 1
         epoch = self.epoch + 1 if self.settings.epochs else self.epoch
         self.epoch = epoch
-        self._say(Kind.THAW, To.ALL)
+        self._say(THAW, TO_ALL)
         self._obey_thaw(epoch)
 
     def rearm_thaw(self, _: object) -> None:
@@ -687,7 +724,7 @@ class StateMachine:
             return
         self._obey_thaw(self.epoch)
         if self.rng.random() < self.settings.thaw_repeat:
-            self._say(Kind.THAW, To.ALL)
+            self._say(THAW, TO_ALL)
 
     def hear_leave(self, message: Message) -> None:
         self.beliefs.forget(message.sender)
@@ -695,9 +732,9 @@ class StateMachine:
     def leave(self, _: object) -> None:
         """Battery low, and on the ground: say so, free those who wait, go (rule 13)."""
         for neighbour in sorted(self.beliefs.neighbours):
-            self._say(Kind.LEAVE, To.FLS, Swarm(neighbour, 0))
-        if self.state in (State.BUSY_ANCHOR, State.BUSY_LOCALIZING):
-            self._tell_swarm(Kind.SET_AVAILABLE)
+            self._say(LEAVE, TO_FLS, Swarm(neighbour, 0))
+        if self.state in (BA, BL):
+            self._tell_swarm(SET_AVAILABLE)
         self._disarm(*Timer)
         self._actions.append(Depart())
         self.departed = True
@@ -717,7 +754,6 @@ def _rule(act: Callable[..., None], *leads_to: State) -> Rule:
     return Rule(act, leads_to)
 
 
-D, A, BA, BL, W = State
 _M = StateMachine
 TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
     D: {
@@ -793,11 +829,14 @@ TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
         Local.BATTERY_LOW: _rule(_M.leave, W),
     },
 }
-_DUE = {
-    Timer.CHALLENGE: Local.CHALLENGE_DUE,
-    Timer.BOUND: Local.BOUND_OVER,
-    Timer.LEASE: Local.LEASE_OVER,
-    Timer.RENEW: Local.RENEW_DUE,
-    Timer.THAW: Local.THAW_DUE,
-}
+
+def _key(number: int) -> Kind | Local | None:
+    if number >= Local.CHALLENGE_DUE:
+        return Local(number)
+    return Kind(number) if number in Kind._value2member_map_ else None
+
+
+# The table as the machine looks it up: by plain numbers, because hashing an enum is a call.
+_RULES = [[TABLE[state].get(_key(key)) for key in range(KEYS)] for state in State]  # type: ignore[call-overload]
+_TIMERS = int(Local.CHALLENGE_DUE)
 _NOT_IN_FLIGHT = SWARM_KINDS | {Kind.CHALLENGE_INIT, Kind.CHALLENGE_ACCEPT, Kind.CHALLENGE_ACK}

@@ -69,6 +69,8 @@ class Wire(IntEnum):
     DISTANCE_MICROCELLS = len(Count) + 13
     FLIGHTS = len(Count) + 14
     SEND_FAILED = len(Count) + 15
+    OWN_SWARM = len(Count) + 17  # challenges from the own swarm that no kernel filter stopped
+    WOKEN = len(Count) + 16  # by the engine
 
 
 COUNTERS = len(Count) + len(Wire)

@@ -2,8 +2,8 @@
 
 Every FLS listens on two sockets: a unicast one on an address of its own in 127.0.0.0/8, made from its FID, and a
 broadcast one on 127.255.255.255; both on the run's port, which is what keeps two runs on one machine apart. A classic
-BPF program on the broadcast socket drops, before the process wakes, what `radio.heard` would drop; it is attached anew
-whenever the Swarm-ID changes. `radio.heard` is asked again for whatever arrives.
+BPF program on both drops, before the process wakes, what `radio.heard` would drop; it is attached anew whenever the
+Swarm-ID changes. `radio.heard` is asked again for whatever arrives.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import socket
 import struct
 from bisect import bisect_right
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from swarmer.messages import OFFSET, Kind, Message, To
+from swarmer.messages import CHALLENGE_INIT, NO_SWARM, OFFSET, TO_FLS, Kind, Message, Swarm, To
 from swarmer.radio import Ears, Grid
 
 BROADCAST = "127.255.255.255"
@@ -31,6 +31,7 @@ SUB_K, MUL_X, ADD_X = 0x14, 0x2C, 0x0C
 JEQ, JGE_X = 0x15, 0x3D
 RET = 0x06
 UDP_HEADER = 8  # a filter on a UDP socket sees the header first
+WHOLE = 0xFFFF
 ACCEPT, DROP = "accept", "drop"
 
 
@@ -65,6 +66,7 @@ class UdpWrapper:
         self.unicast = open_socket(address_of(fid), wires)
         self.broadcast = open_socket(BROADCAST, wires, shared=True)
         self.filtered = False
+        self._filter: Filter | None = None
 
     def close(self) -> None:
         self.unicast.close()
@@ -74,9 +76,13 @@ class UdpWrapper:
         """Let the kernel pass only what these ears may take. ranged: it may judge a challenge's range too."""
         if not self.wires.kernel_filter:
             return
-        program = filter_program(ears, self.grid, ranged)
+        if self._filter is None or not self._filter.fits(ears, ranged):
+            self._filter = Filter(ears, self.grid, ranged)
         try:
-            attach(self.broadcast, program)
+            self._filter.patch(ears.swarm)
+            # Challenges to a few come by unicast, and those from the own swarm should wake nobody either.
+            self._filter.attach(self.broadcast)
+            self._filter.attach(self.unicast)
             self.filtered = True
         except OSError:  # a kernel without filters: the same rules run in Python, where they run anyway
             self.wires = self.wires._replace(kernel_filter=False)
@@ -84,7 +90,7 @@ class UdpWrapper:
     def send(self, data: bytes, message: Message) -> bool:
         """Send one datagram to whom it is for; False if the system had no room for it."""
         try:
-            if message.to == To.FLS:
+            if message.to == TO_FLS:
                 self.unicast.sendto(data, (address_of(message.addressee.xi), self.wires.port))
             else:
                 self._send_to_many(data, message)
@@ -98,7 +104,7 @@ class UdpWrapper:
 
     def _send_to_many(self, data: bytes, message: Message) -> None:
         carrier = self.wires.carrier
-        if carrier == "auto" and message.kind == Kind.CHALLENGE_INIT:
+        if carrier == "auto" and message.kind == CHALLENGE_INIT:
             within = bisect_right(self._distances, message.range)
             if within <= self.wires.unicast_max and (within < len(self._near) or self._sees_all):
                 for address in self._near[:within]:
@@ -147,51 +153,102 @@ def lock_port(wanted: int) -> socket.socket:
     raise OSError(f"UDP port {wanted} is taken" if wanted else "no free UDP port from 20000 to 29999")
 
 
-def attach(sock: socket.socket, program: bytes) -> None:
-    """Put a filter on a socket, in place of the one it has. Raises OSError."""
-    buffer = ctypes.create_string_buffer(program, len(program))
-    fprog = struct.pack("HL", len(program) // 8, ctypes.addressof(buffer))
-    sock.setsockopt(socket.SOL_SOCKET, SO_ATTACH_FILTER, fprog)
+class Filter:
+    """A program for one FLS that stays as it is but for the Swarm-ID, which is patched in: merges come in bursts."""
+
+    def __init__(self, ears: Ears, grid: Grid, ranged: bool) -> None:
+        self._for = (ears, ranged)
+        program, self._xi_at, self._incarnation_at = filter_program(ears, grid, ranged)
+        self._buffer = ctypes.create_string_buffer(program, len(program))
+        self._fprog = struct.pack("HL", len(program) // 8, ctypes.addressof(self._buffer))
+
+    def fits(self, ears: Ears, ranged: bool) -> bool:
+        """True if the program differs at most in the Swarm-ID; one for the dark has no place for it."""
+        mine, mine_ranged = self._for
+        lit = (mine.swarm != NO_SWARM) == (ears.swarm != NO_SWARM)
+        return lit and ranged == mine_ranged and ears._replace(swarm=mine.swarm) == mine
+
+    def attach(self, sock: socket.socket) -> None:
+        """Put the filter on a socket, in place of the one it has. Raises OSError."""
+        sock.setsockopt(socket.SOL_SOCKET, SO_ATTACH_FILTER, self._fprog)
+
+    def patch(self, swarm: Swarm) -> None:
+        """Let it pass what is for another swarm from now on."""
+        for at in self._xi_at:
+            _PATCH.pack_into(self._buffer, at, swarm.xi)
+        for at in self._incarnation_at:
+            _PATCH.pack_into(self._buffer, at, swarm.incarnation)
 
 
-def filter_program(ears: Ears, grid: Grid, ranged: bool = True) -> bytes:
-    """`radio.heard` as classic BPF, never stricter: the range is compared on the grid, rounded up."""
-    g = grid.of(ears.truth)
-    code: list[tuple[object, ...]] = [
+_PATCH = struct.Struct("=I")
+NEIGHBOURS_MAX = 128  # a jump reaches 255 instructions; with more neighbours the rule is left to Python
+OWN_XI, OWN_INCARNATION = object(), object()
+
+
+def filter_program(ears: Ears, grid: Grid, ranged: bool = True) -> tuple[bytes, list[int], list[int]]:
+    """`radio.heard` as classic BPF, never stricter: the range is compared on the grid, rounded up.
+
+    Gives the program, and the places in it where the own Swarm-ID and its incarnation stand.
+    """
+    code: list[tuple[Any, ...]] = [
         (LD_W, "run"), (JEQ, ears.run, None, DROP),
         (LD_W, "sender"), (JEQ, ears.fid, DROP, None),
         (LD_B, "to"), (JEQ, To.ALL, "all", None), (JEQ, To.SWARM, None, "fls"),
-        (LD_W, "addressee"), (JEQ, ears.swarm.xi, None, DROP),
-        (LD_H, "addressee_incarnation"), (JEQ, ears.swarm.incarnation, ACCEPT if ears.swarm.xi else DROP, DROP),
+        (LD_W, "addressee"), (JEQ, OWN_XI, None, DROP),
+        (LD_H, "addressee_incarnation"), (JEQ, OWN_INCARNATION, ACCEPT if ears.swarm.xi else DROP, DROP),
         ("label", "fls"), (LD_W, "addressee"), (JEQ, ears.fid, ACCEPT, DROP),
-        ("label", "all"), (LD_B, "kind"), (JEQ, Kind.CHALLENGE_INIT, None if ranged else ACCEPT, ACCEPT),
+        ("label", "all"), (LD_B, "kind"), (JEQ, Kind.CHALLENGE_INIT, None if ears.swarm.xi else DROP, ACCEPT),
     ]  # fmt: skip
-    if not ears.swarm.xi:  # dark: no challenge is for it
-        code = code[:-1] + [(JEQ, Kind.CHALLENGE_INIT, DROP, ACCEPT)]
-    elif ranged:
-        for axis in range(3):
-            code += [(LD_W, ("grid", 4 * axis)), (SUB_K, g[axis]), (TAX,), (MUL_X,)]
-            if axis:
-                code += [(TAX,), (LD_MEM, 0), (ADD_X,)]
-            code += [(ST, 0)]
-        # A = reach², X = distance²: accept if A >= X
-        code += [(LD_MEM, 0), (TAX,), (LD_W, "reach2"), (JGE_X, 0, ACCEPT, DROP)]
-    code += [("label", ACCEPT), (RET, 0xFFFF), ("label", DROP), (RET, 0)]
-    return _assemble(code)
+    if ears.swarm.xi:
+        code += _own_swarm(ears) + (_in_range(grid.of(ears.truth)) if ranged else [(RET, WHOLE)])
+    code += [("label", ACCEPT), (RET, WHOLE), ("label", DROP), (RET, 0)]
+    return _assemble(code, ears.swarm)
 
 
-def _assemble(code: list[tuple[object, ...]]) -> bytes:
-    places: dict[object, int] = {}
-    lines: list[tuple[object, ...]] = []
+def _own_swarm(ears: Ears) -> list[tuple[Any, ...]]:
+    """Drop a challenge from the own swarm that is not a planned neighbour's."""
+    if len(ears.neighbours) > NEIGHBOURS_MAX:
+        return []
+    code: list[tuple[Any, ...]] = [
+        (LD_W, "swarm"), (JEQ, OWN_XI, None, "other"),
+        (LD_H, "swarm_incarnation"), (JEQ, OWN_INCARNATION, None, "other"),
+        (LD_W, "sender"),
+    ]  # fmt: skip
+    code += [(JEQ, neighbour, "other", None) for neighbour in sorted(ears.neighbours)]
+    return [*code, (RET, 0), ("label", "other")]
+
+
+def _in_range(g: tuple[int, int, int]) -> list[tuple[Any, ...]]:
+    """Accept if the squared distance on the grid is within the squared reach, else drop."""
+    code: list[tuple[Any, ...]] = []
+    for axis in range(3):
+        code += [(LD_W, ("grid", 4 * axis)), (SUB_K, g[axis]), (TAX,), (MUL_X,)]
+        if axis:
+            code += [(TAX,), (LD_MEM, 0), (ADD_X,)]
+        code += [(ST, 0)]
+    return [*code, (LD_MEM, 0), (TAX,), (LD_W, "reach2"), (JGE_X, 0, ACCEPT, DROP)]
+
+
+def _assemble(code: list[tuple[Any, ...]], swarm: Swarm) -> tuple[bytes, list[int], list[int]]:
+    places: dict[str, int] = {}
+    lines: list[tuple[Any, ...]] = []
     for line in code:
         if line[0] == "label":
             places[line[1]] = len(lines)
         else:
             lines.append(line)
-    return b"".join(_instruction(line, at, places) for at, line in enumerate(lines))
+    constants: dict[object, list[int]] = {OWN_XI: [], OWN_INCARNATION: []}
+    values = {OWN_XI: swarm.xi, OWN_INCARNATION: swarm.incarnation}
+    program = b""
+    for at, line in enumerate(lines):
+        if len(line) > 1 and line[1] in constants:
+            constants[line[1]].append(8 * at + 4)
+            line = (line[0], values[line[1]], *line[2:])
+        program += _instruction(line, at, places)
+    return program, constants[OWN_XI], constants[OWN_INCARNATION]
 
 
-def _instruction(line: tuple[object, ...], at: int, places: dict[object, int]) -> bytes:
+def _instruction(line: tuple[Any, ...], at: int, places: dict[str, int]) -> bytes:
     op = line[0]
     if op in (JEQ, JGE_X):
         _, k, yes, no = line

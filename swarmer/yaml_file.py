@@ -40,7 +40,7 @@ class _Loader(yaml.SafeLoader):
     nodes = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        event = self.peek_event()
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
         where = event.start_mark.line + 1
         if isinstance(event, yaml.AliasEvent):
             raise _Refused(f"line {where}: an alias (*name) is not allowed; write the value out")
@@ -50,7 +50,7 @@ class _Loader(yaml.SafeLoader):
         if self.nodes > NODES_MAX:
             raise _Refused(f"line {where}: too long; at most {NODES_MAX} keys and values")
         self.depth += 1
-        node = super().compose_node(parent, index)
+        node: Any = super().compose_node(parent, index)
         self.depth -= 1
         if node.tag not in PLAIN_TAGS:
             raise _Refused(f"line {where}: {shown(node.tag)} is not allowed; plain values only")

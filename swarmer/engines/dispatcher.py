@@ -25,7 +25,15 @@ from typing import Any
 
 from swarmer.fls_loops import LOOPS
 from swarmer.fls_process import DEPARTED_EXIT, FAILED_EXIT, Fls, FlsSpec, RunSpec
-from swarmer.plan import from_data
+from swarmer.messages import Kind, Message, Stamp, Swarm, To, decode, encode
+from swarmer.physics.dead_reckoning import MODELS
+from swarmer.physics.flight import plan_flight, position_at
+from swarmer.plan import from_data, make_machine, make_velocity
+from swarmer.protocol import race
+from swarmer.protocol.events import Due, Fly, Landed, Launch, Received, Timer
+from swarmer.radio import Ears, ReplayWindow, heard
+from swarmer.state_machine import Identity, StateMachine
+from swarmer.streams import stream
 from swarmer.telemetry import Clock, Life, Phase, SharedMemory, Slot
 from swarmer.udp_wrapper import Wires
 
@@ -33,6 +41,7 @@ PR_SET_PDEATHSIG = 1
 STOP_GRACE_S = 2.0  # an FLS that has not ended by itself after this is killed
 FORKS_AT_ONCE = 16  # then the control socket is looked at
 LINE_MAX = 1 << 28
+WARM_UP_ROUNDS = 20
 
 
 class Dispatcher:
@@ -60,6 +69,7 @@ class Dispatcher:
         """Launch everybody, then watch until told to stop or the engine is gone."""
         waiting = [self.specs[fid] for fid in sorted(self.specs)]
         waiting.reverse()
+        warm_up(self.run, waiting[-1])
         gc.collect()
         gc.freeze()
         with selectors.DefaultSelector() as selector:
@@ -102,7 +112,9 @@ class Dispatcher:
             self.control.close()
             os.close(self._wake_r)
             os.close(self._wake_w)
+            gc.disable()  # an FLS makes no cycles; collections would only touch, and so copy, shared pages
             settle(self.run.cpus, spec.fid)
+            warm_up(self.run, spec)
             status = run_fls(self.run, spec, self.shared)
         except BaseException:
             traceback.print_exc()
@@ -152,6 +164,49 @@ class Dispatcher:
             self.control.sendall(json.dumps({"event": event, **facts}).encode() + b"\n")
         except OSError:  # the engine is gone; we end soon
             pass
+
+
+def warm_up(run: RunSpec, spec: FlsSpec) -> None:
+    """Live through a short life that nobody sees, before the real one.
+
+    In the dispatcher: the interpreter specialises the code once, for all who are forked later. In an FLS: pages that will
+    be written to are copied now; a first challenge costs ten times a later one, and 760 of them come together.
+    """
+    machine = make_machine(
+        run.rules, Identity(spec.fid, 0, spec.truth), spec.neighbours, spec.reach, stream(0, "warm-up")
+    )
+    ears = Ears(run.run, spec.fid, Swarm(spec.fid, 0), spec.truth, machine.beliefs.neighbours)
+    window = ReplayWindow()
+    machine.handle(Launch(spec.origin), 0.0)
+    machine.handle(Landed(), 1.0)
+    for number in range(1, WARM_UP_ROUNDS + 1):
+        for message in scenes(machine, spec):
+            data = encode(message, Stamp(run.run, number, spec.truth, 1.0), run.key)
+            received, stamp = decode(data, run.key)
+            heard(received, stamp, ears, run.rules.count)
+            window.fresh(received.sender, 0, number)
+            race.judge(received, machine, machine.beliefs.neighbours, True)
+            for action in machine.handle(Received(received), float(number)):
+                if isinstance(action, Fly):
+                    flown = MODELS[run.rules.dead_reckoning](action.vector, 0.1, run.rules.dim, stream(0, "flight"))
+                    position_at(plan_flight(spec.truth, flown, 0.0, make_velocity(run.rules)), 0.1, make_velocity(run.rules))
+                    machine.handle(Landed(), float(number))
+        machine.handle(Due(Timer.CHALLENGE), float(number))
+
+
+def scenes(machine: StateMachine, spec: FlsSpec) -> list[Message]:
+    """What an FLS hears most."""
+    other = spec.fid % 1000 + 1
+    mine, theirs = machine.swarm, Swarm(other, 0)
+    base = Message(Kind.CHALLENGE_INIT, other, 0, 0, theirs, 1, spec.truth, To.ALL, challenge=1)
+    return [
+        base,
+        base._replace(kind=Kind.SET_WAITING, to=To.SWARM, addressee=mine),
+        base._replace(kind=Kind.SET_AVAILABLE, to=To.SWARM, addressee=mine),
+        base._replace(kind=Kind.NEIGHBOUR, to=To.FLS, addressee=Swarm(spec.fid, 0)),
+        base._replace(kind=Kind.CHALLENGE_ACCEPT, to=To.FLS, addressee=Swarm(spec.fid, 0)),
+        base._replace(kind=Kind.FOLLOW_MERGE, to=To.SWARM, addressee=mine, other=mine, vector=(1.0, 1.0, 1.0)),
+    ]
 
 
 def run_fls(run: RunSpec, spec: FlsSpec, shared: SharedMemory) -> int:

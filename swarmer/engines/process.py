@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 NEAR_MAX = 64  # nearest FLSs an FLS can reach by unicast; more go by broadcast
 LAUNCH_PATIENCE_S = 60.0  # without any FLS getting ready
 END_PATIENCE_S = 10.0
+REHEARSALS = 3
+REHEARSED = 0.98  # share of the FLSs that must have been woken before the next round
+REHEARSAL_PATIENCE_S = 2.0
 MEMORY_SAMPLE = 24  # processes whose private memory is read, once
 CRASHES_MAX = 0.05  # share of FLSs that may die unexpectedly before the run is given up
 
@@ -107,6 +110,7 @@ class _Run:
             listener = asyncio.create_task(self._listen(reader))
             await self._send_setup(writer)
             if await self._all_ready():
+                await self._rehearse()
                 self.result.launch_s = time.monotonic() - began
                 await self._fly()
             await self._end(writer, process, listener)
@@ -153,6 +157,23 @@ class _Run:
                 raise RunFailed(f"only {ready} of {self.count} FLSs got ready in {LAUNCH_PATIENCE_S:g} s")
             await self._sleep(0.05)
         return False
+
+    async def _rehearse(self) -> None:
+        """Wake everybody at once, as a thaw will, and see how long the last one takes."""
+        if not self.governor.auto:
+            return
+        for round_number in range(1, REHEARSALS + 1):
+            self.wake_all()
+            since = time.monotonic()
+            while not self.stopping.is_set() and time.monotonic() - since < REHEARSAL_PATIENCE_S:
+                await self._sleep(0.02)
+                if int(self.reader.sample().counters[Wire.WOKEN]) >= REHEARSED * round_number * self.count:
+                    break
+        self.tally.add(self.reader.sample())
+        late = self.tally.handled()
+        if late is not None:
+            self.governor.rehearsed(late.p99)
+        self.tally.start()
 
     async def _fly(self) -> None:
         self.clock.set(Phase.GO, self.governor.scale, 0.0)
@@ -236,10 +257,12 @@ class _Run:
         sample = self.reader.sample()
         self._thaw_if_centralized(sample)
         self._report_thaws(sample)
-        scale = self.governor.judge(self.tally.add(sample, self.clock.scale), sample.t_s)
+        scale = self.governor.judge(self.tally.add(sample))
         if scale != self.clock.scale:
+            faster = scale > self.clock.scale
             self.clock.set(Phase.GO, scale)
-            self.wake_all()
+            if faster:  # those who wait must wait less long; for slower they wake early, look, and wait on
+                self.wake_all()
             self.observer.event(Event(sample.t_s, "time_scale", 0, f"{scale:.2f}: {self.governor.reason}"))
         self.result.emulated_s = sample.t_s
         return self.observer.sample(self._snapshot(sample))
@@ -298,7 +321,9 @@ class _Run:
     def _broadcast(self, kind: Kind, epoch: int) -> None:
         self._numbers += 1
         message = Message(kind, ENGINE_FID, 0, epoch, NO_SWARM, 0, ZERO, To.ALL)
-        stamp = Stamp(self.run_id, self._numbers, ZERO, max(self.clock.now(), 0.0))
+        # Before time 0 a wake-up is a rehearsal, which is timed by the wall clock.
+        sent_at = time.monotonic() if self.clock.phase == Phase.WAIT else self.clock.now()
+        stamp = Stamp(self.run_id, self._numbers, ZERO, sent_at)
         with contextlib.suppress(OSError):
             self.lock.sendto(encode(message, stamp, self.key), (BROADCAST, self.port))
 
@@ -357,7 +382,7 @@ class _Run:
         self.result.emulated_s = min(sample.t_s, max(self.config.duration_s, self.result.emulated_s))
         self.result.counters = self._counters(sample)
         self.result.counters["dropped_by_kernel"] = kernel_drops(self.port)
-        self.tally.add(sample, self.clock.scale)
+        self.tally.add(sample)
         self.result.processes = int((sample.life == Life.READY).sum())
         self.result.memory_mb_per_fls = self._memory()
 

@@ -86,14 +86,13 @@ def smallest_spacing(truth: Points, tree: cKDTree | None = None) -> float:
     """Smallest distance between two of the (F, 3) points, cells; infinite for a single point."""
     if len(truth) < 2:
         return float("inf")
-    distances, _ = (tree or _tree(truth)).query(truth, k=2)
+    distances = np.asarray((tree or _tree(truth)).query(truth, k=2)[0])
     return float(distances[:, 1].min())
 
 
 def _larger_of_both(moved: Points, fixed: Points, fixed_tree: cKDTree) -> float:
-    to_fixed = fixed_tree.query(moved)[0].max()
-    to_moved = _tree(moved).query(fixed)[0].max()
-    return float(max(to_fixed, to_moved))
+    to_fixed, to_moved = fixed_tree.query(moved)[0], _tree(moved).query(fixed)[0]
+    return float(max(np.max(to_fixed), np.max(to_moved)))
 
 
 def _tree(points: Points) -> cKDTree:

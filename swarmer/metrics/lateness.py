@@ -16,7 +16,7 @@ LARGEST_MS = 60_000.0
 _STEP = (LARGEST_MS / SMALLEST_MS) ** (1 / (BUCKETS - 2))
 
 # Bucket i counts EDGES_MS[i - 1] < late <= EDGES_MS[i]; bucket 0 all that is earlier, the last one all that is later.
-EDGES_MS = tuple(SMALLEST_MS * _STEP**i for i in range(BUCKETS - 2)) + (LARGEST_MS,)
+EDGES_MS = (*(SMALLEST_MS * _STEP**i for i in range(BUCKETS - 2)), LARGEST_MS)
 
 
 class Percentiles(NamedTuple):
@@ -63,4 +63,5 @@ def _quantile(counts: Sequence[int], total: int, share: float) -> float:
 
 
 def _upper_edge(i: int) -> float:
-    return EDGES_MS[min(i, BUCKETS - 2)]
+    edge: float = EDGES_MS[min(i, BUCKETS - 2)]
+    return edge

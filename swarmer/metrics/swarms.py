@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 class SwarmStatistics(NamedTuple):
     """The swarms at one moment; all 0 while nobody is lit."""
 
-    count: int
+    number: int
     smallest: int  # FLSs
     largest: int
     single: bool  # every FLS is lit and all are one swarm
@@ -34,4 +34,6 @@ def swarm_statistics(swarm: NDArray[np.int32], lit: NDArray[np.bool_]) -> SwarmS
     sizes = swarm_sizes(swarm, lit)
     if not len(sizes):
         return SwarmStatistics(0, 0, 0, False)
-    return SwarmStatistics(len(sizes), int(sizes.min()), int(sizes.max()), len(sizes) == 1 and bool(lit.all()))
+    return SwarmStatistics(
+        len(sizes), int(sizes.min()), int(sizes.max()), len(sizes) == 1 and bool(lit.all())
+    )

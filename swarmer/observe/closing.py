@@ -38,7 +38,8 @@ def _swarms(summary: dict[str, Any]) -> str:
     first = summary.get("first_single_swarm_s")
     if first is None:
         return f"never one swarm ({count(summary.get('swarms_last'))} at the end)"
-    return f"one swarm at {seconds(first)}, {summary.get('single_swarm_count')} times in all"
+    number = summary.get("single_swarm_count") or 1
+    return f"one swarm at {seconds(first)}" + (f", {number} times in all" if number > 1 else "")
 
 
 def _table(summary: dict[str, Any]) -> list[str]:

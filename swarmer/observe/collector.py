@@ -53,7 +53,9 @@ class Collector:
             self._panel.planned(plan)
         if self._recording is not None and self._recording.warning:
             self._warn(self._recording.warning)
-        self._keep(self.directory.log, f"planned: {plan.cloud.name}, {plan.size} FLSs, seed {plan.config.seed}")
+        self._keep(
+            self.directory.log, f"planned: {plan.cloud.name}, {plan.size} FLSs, seed {plan.config.seed}"
+        )
 
     def launching(self, ready: int, total: int) -> None:
         """Show how far the launch is."""
@@ -80,17 +82,26 @@ class Collector:
     def _record(self, snapshot: Snapshot) -> None:
         assert self._timeline is not None
         assert self._progress is not None
-        frame = Frame(snapshot.t_s, snapshot.position, snapshot.swarm, snapshot.state, snapshot.lit, self._progress.hd)
+        frame = Frame(
+            snapshot.t_s, snapshot.position, snapshot.swarm, snapshot.state, snapshot.lit, self._progress.hd
+        )
         self._timeline.append(frame)
         if self._recording is not None:
-            self._recording.frame(frame, self._progress.swarms.count, self._progress.states)
+            self._recording.frame(frame, self._progress.swarms.number, self._progress.states)
 
     def _tell_single_swarm(self, t_s: float) -> None:
         assert self._progress is not None
         single = self._progress.swarms.single
         if single and not self._was_single:
             count = self._progress.single_swarm_count
-            self.event(Event(t_s, "single_swarm", 0, f"all FLSs are one swarm ({count}), HD {self._progress.hd:.3g} cells"))
+            self.event(
+                Event(
+                    t_s,
+                    "single_swarm",
+                    0,
+                    f"all FLSs are one swarm ({count}), HD {self._progress.hd:.3g} cells",
+                )
+            )
         self._was_single = single
 
     def event(self, event: Event) -> None:
@@ -111,7 +122,9 @@ class Collector:
             self._keep(self._timeline.close)
         if self._recording is not None:
             self._keep(self._recording.close)
-        self._keep(self.directory.log, f"{result.status}: {result.emulated_s:.2f} s {result.message}".rstrip())
+        self._keep(
+            self.directory.log, f"{result.status}: {result.emulated_s:.2f} s {result.message}".rstrip()
+        )
         summary = self._summary(result)
         self._keep(self.directory.close, summary.get("status", result.status))
         if summary:
@@ -140,5 +153,3 @@ class Collector:
         self._keep(self.directory.log, f"warning: {text}")
         if self._panel is not None:
             self._panel.say(f"warning: {text}")
-
-

@@ -46,14 +46,20 @@ class _Raw(io.RawIOBase):
     def seekable(self) -> bool:
         return True
 
+    def give_up(self) -> None:
+        """Write nothing any more: what still holds this file must not reach whoever gets the descriptor next."""
+        self._fd = -1
+
     def write(self, data: object) -> int:
+        if self._fd < 0:
+            return memoryview(data).nbytes  # type: ignore[arg-type]
         return write_bytes(self._fd, memoryview(data).cast("B"))  # type: ignore[arg-type]
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        return os.lseek(self._fd, offset, whence)
+        return os.lseek(self._fd, offset, whence) if self._fd >= 0 else 0
 
     def tell(self) -> int:
-        return os.lseek(self._fd, 0, os.SEEK_CUR)
+        return self.seek(0, os.SEEK_CUR)
 
 
 def write_file(path: Path, fill: Callable[[BinaryIO], None], durable: bool = True) -> None:
@@ -65,14 +71,13 @@ def write_file(path: Path, fill: Callable[[BinaryIO], None], durable: bool = Tru
     with disk_errors(path):
         fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
         try:
-            buffered = io.BufferedWriter(_Raw(fd), 1 << 16)
+            raw = _Raw(fd)
             try:
+                buffered = io.BufferedWriter(raw, 1 << 16)
                 fill(buffered)
                 buffered.flush()
-            except BaseException:
-                with contextlib.suppress(Exception):
-                    buffered.detach()  # or its destructor would try to write the rest
-                raise
+            finally:
+                raw.give_up()
             if durable:
                 os.fsync(fd)
             temporary.replace(path)

@@ -112,7 +112,7 @@ class Panel:
         view.wall_s = 0.0 if self._go_at is None else self._clock() - self._go_at
         view.lit = int(snapshot.lit.sum())
         view.states = tuple(progress.states.tolist())
-        view.swarms, view.largest_swarm = progress.swarms.count, progress.swarms.largest
+        view.swarms, view.largest_swarm = progress.swarms.number, progress.swarms.largest
         view.single_swarms = progress.single_swarm_count
         view.thaws = snapshot.counters.get("thaws")
         view.hd, view.hd_min, view.live = progress.hd, progress.hd_min, snapshot.live
@@ -145,6 +145,11 @@ class Panel:
         width = min(self._live.console.width, WIDTH_MAX)
         lines = panel_lines(self._view, width - 4)
         frame = Frame(
-            Group(*lines), title=self._view.title, title_align="left", box=box.ROUNDED, width=width, border_style="bright_black"
+            Group(*lines),
+            title=self._view.title,
+            title_align="left",
+            box=box.ROUNDED,
+            width=width,
+            border_style="bright_black",
         )
         self._live.update(frame, refresh=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from swarmer.engines.result import Live
 from swarmer.observe.palette import STATE_COLOURS, STATES
-from swarmer.observe.words import braille_curve, cells, clock, count, memory
+from swarmer.observe.words import braille_curve, cells, clock, count, memory, swarms
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -18,6 +18,7 @@ LABEL = "bold"
 DIM = "bright_black"
 GOOD, BAD, HD_COLOUR = "green", "bold red", "#4c9be8"
 CURVE_LINES = len(STATES)
+UNKNOWN = Live(None, None, None, None, None, None)
 
 
 @dataclass(slots=True)
@@ -41,7 +42,7 @@ class View:
     hd_min: float | None = None
     sent_per_s: float | None = None
     handled_per_s: float | None = None
-    live: Live = Live(None, None, None, None, None, None)
+    live: Live = UNKNOWN
     curve: list[tuple[float, float]] = field(default_factory=list)  # (t_s, HD)
 
     @property
@@ -57,7 +58,7 @@ def plain_line(view: View) -> str:
     parts = [
         f"{view.t_s:.1f} of {view.duration_s:g} s",
         f"HD {cells(view.hd)} cells",
-        f"{view.swarms} swarms",
+        swarms(view.swarms),
         f"{view.lit}/{view.size} lit",
     ]
     if view.live.time_scale is not None:
@@ -124,9 +125,13 @@ def _middle(view: View, width: int) -> list[Text]:
         label, curve_line = curve[i]
         lines.append(
             _text(
-                f"{state:<15}", (f"{view.states[i]:>7} ", LABEL), (f"{bar:<{BAR}}", colour),
-                (f"{label:>5}", DIM), ("│", DIM), (curve_line, HD_COLOUR),
-            )  # fmt: skip
+                f"{state:<15}",
+                (f"{view.states[i]:>7} ", LABEL),
+                (f"{bar:<{BAR}}", colour),
+                (f"{label:>5}", DIM),
+                ("│", DIM),
+                (curve_line, HD_COLOUR),
+            )
         )
     return lines
 
@@ -155,8 +160,10 @@ def _traffic_line(view: View) -> Text:
     def rate(value: float | None) -> str:
         return "–" if value is None else f"{count(value)}/s"
 
-    thaws = "" if view.thaws is None else f", {view.thaws:.0f} thaws"
-    return _text(("messages  ", LABEL), f"sent {rate(view.sent_per_s)}, handled {rate(view.handled_per_s)}{thaws}")
+    thaws = "" if view.thaws is None else f", thaws {view.thaws:.0f}"
+    return _text(
+        ("messages  ", LABEL), f"sent {rate(view.sent_per_s)}, handled {rate(view.handled_per_s)}{thaws}"
+    )
 
 
 def _late_line(view: View) -> Text:
@@ -164,9 +171,14 @@ def _late_line(view: View) -> Text:
     timers = "–" if live.timer_late_ms is None else f"{live.timer_late_ms.p99:.0f} ms"
     handled = "–" if live.handled_late_ms is None else f"{live.handled_late_ms.p99:.0f} ms"
     bound = f" (bound {view.late_bound_ms:.0f})" if math.isfinite(view.late_bound_ms) else ""
-    parts: list[tuple[str, str] | str] = [("late p99  ", LABEL), f"timers {timers}, messages {handled}{bound}   "]
+    parts: list[tuple[str, str] | str] = [
+        ("late p99  ", LABEL),
+        f"timers {timers}, messages {handled}{bound}   ",
+    ]
     if live.faithful is not None:
-        parts.append(("faithful", GOOD) if live.faithful else ("not faithful: a smaller time scale helps", BAD))
+        parts.append(
+            ("faithful", GOOD) if live.faithful else ("not faithful: a smaller time scale helps", BAD)
+        )
     return _text(*parts)
 
 
@@ -174,4 +186,6 @@ def _machine_line(view: View) -> Text:
     live = view.live
     processes = "–" if live.processes is None else count(live.processes)
     scale = "–" if live.time_scale is None else f"{live.time_scale:.2f}"
-    return _text(("machine   ", LABEL), f"{processes} processes, {memory(live.memory_mb)}, time scale {scale}")
+    return _text(
+        ("machine   ", LABEL), f"{processes} processes, {memory(live.memory_mb)}, time scale {scale}"
+    )

@@ -16,6 +16,8 @@ from swarmer.observe.palette import STATES
 THRESHOLDS = ("1", "0.1", "0.09", "0.01", "0.001")
 """HD in cells whose first crossing is recorded, as they are written in summary.json."""
 
+NO_SWARM = SwarmStatistics(0, 0, 0, False)
+
 
 @dataclass(slots=True)
 class Progress:
@@ -34,7 +36,7 @@ class Progress:
     time_to_hd_s: dict[str, float | None] = field(default_factory=lambda: dict.fromkeys(THRESHOLDS))
     first_single_swarm_s: float | None = None
     single_swarm_count: int = 0
-    swarms: SwarmStatistics = SwarmStatistics(0, 0, 0, False)
+    swarms: SwarmStatistics = NO_SWARM
     states: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(STATES), dtype=np.int64))
     lit_share: float = 0.0
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import select
 import threading
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 TIMELINE = "emulated_time"
 HD_FLOOR = 1e-6  # cells; log10 of nothing smaller is drawn
+SILENCE_S = 0.5
 CLOSE_S = 20.0  # how long closing may take
 
 EVENT_LEVELS = {"failure": "WARN", "error": "ERROR", "unfaithful": "WARN"}
@@ -33,7 +35,9 @@ EVENT_LEVELS = {"failure": "WARN", "error": "ERROR", "unfaithful": "WARN"}
 class Recording:
     """recording.rrd while it is written: the cloud, the swarm, HD, swarms, states and events over emulated time."""
 
-    def __init__(self, stream: Stream, truth: NDArray[np.float64], name: str = "swarm", live: bool = False) -> None:
+    def __init__(
+        self, stream: Stream, truth: NDArray[np.float64], name: str = "swarm", live: bool = False
+    ) -> None:
         """stream: of recording.rrd. truth: (F, 3), cells. live: show it in a viewer, too, if one can be started."""
         import rerun as rr
 
@@ -45,7 +49,7 @@ class Recording:
         self.warning: str | None = None
         self._rec: Any = rr.RecordingStream("swarmer", recording_id=f"{name}-{os.getpid()}")
         self._pump = _Pump(stream)
-        sinks = [rr.FileSink(self._pump.path)]
+        sinks: list[Any] = [rr.FileSink(self._pump.path)]
         if live and (address := self._viewer()):
             sinks.insert(0, rr.GrpcSink(address))
         self._rec.set_sinks(*sinks, default_blueprint=_blueprint(truth, live))
@@ -56,7 +60,7 @@ class Recording:
         """Start a viewer on a free port of this machine and give its address; None, with a warning, if none comes."""
         if not display_available():
             self.warning = (
-                "no display for the live viewer; the run goes on, `swarmer replay --web RUN` shows it afterwards"
+                "no display for the live viewer; the run goes on (later: `swarmer replay --web RUN`)"
             )
             return None
         port = free_port()
@@ -76,9 +80,17 @@ class Recording:
         rec.log("/", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
         rec.log("truth", rr.Points3D(truth, radii=0.35 * self._dot, colors=TRUTH), static=True)
         line = {"interpolation_mode": rr.components.InterpolationMode.Linear}
-        rec.log("hd/log10", rr.SeriesLines(names="log10 HD", colors=(76, 155, 232), widths=2, **line), static=True)
-        rec.log("hd_cells", rr.SeriesLines(names="HD, cells", colors=(76, 155, 232), widths=2, **line), static=True)
-        rec.log("swarms", rr.SeriesLines(names="swarms", colors=(242, 177, 52), widths=2, **line), static=True)
+        rec.log(
+            "hd/log10", rr.SeriesLines(names="log10 HD", colors=(76, 155, 232), widths=2, **line), static=True
+        )
+        rec.log(
+            "hd_cells",
+            rr.SeriesLines(names="HD, cells", colors=(76, 155, 232), widths=2, **line),
+            static=True,
+        )
+        rec.log(
+            "swarms", rr.SeriesLines(names="swarms", colors=(242, 177, 52), widths=2, **line), static=True
+        )
         for state, colour in zip(STATES, STATE_COLOURS, strict=True):
             look = rr.SeriesLines(names=state, colors=_rgb(colour), widths=1.5, **line)
             rec.log(_state_entity(state), look, static=True)
@@ -120,7 +132,7 @@ class Recording:
         ender = threading.Thread(target=self._rec.disconnect, daemon=True)
         ender.start()
         ender.join(CLOSE_S)
-        self._pump.finish(CLOSE_S)
+        self._pump.finish(CLOSE_S, ended=not ender.is_alive())
 
 
 class _Pump:
@@ -129,6 +141,7 @@ class _Pump:
     def __init__(self, stream: Stream) -> None:
         self._stream = stream
         self._failure: RunFailed | None = None
+        self._ended = threading.Event()
         self._reader, self._writer = os.pipe()
         self.path = f"/dev/fd/{self._writer}"
         self._thread = threading.Thread(target=self._carry, name="recording", daemon=True)
@@ -139,7 +152,7 @@ class _Pump:
         self._thread.start()
 
     def _carry(self) -> None:
-        while data := os.read(self._reader, 1 << 20):
+        while data := self._read():
             if self._failure is None:
                 try:
                     self._stream.write(data)
@@ -147,14 +160,28 @@ class _Pump:
                     self._failure = failure
         os.close(self._reader)
 
+    def _read(self) -> bytes:
+        """What comes next; nothing at the end.
+
+        The end is the pipe's, or silence after rerun has ended: a child forked meanwhile may hold the pipe open.
+        """
+        while not select.select([self._reader], [], [], SILENCE_S)[0]:
+            if self._ended.is_set():
+                return b""
+        return os.read(self._reader, 1 << 20)
+
     def check(self) -> None:
         if self._failure is not None:
             raise self._failure
 
-    def finish(self, timeout_s: float) -> None:
-        self._thread.join(timeout_s)
+    def finish(self, timeout_s: float, ended: bool) -> None:
+        if ended:
+            self._ended.set()
+            self._thread.join(timeout_s)
         if self._thread.is_alive() and self._failure is None:
-            self._failure = RunFailed(f"{self._stream.path}: the recorder did not end; the recording stays partial")
+            self._failure = RunFailed(
+                f"{self._stream.path}: the recorder did not end; the recording stays partial"
+            )
         if self._failure is not None:
             self._stream.abandon()
             raise self._failure
@@ -180,7 +207,9 @@ def _blueprint(truth: NDArray[np.float64], live: bool) -> Any:
             ),
             rrb.Vertical(
                 rrb.Tabs(
-                    rrb.TimeSeriesView(origin="/hd", name="Hausdorff distance, log10 of cells", plot_legend=legend),
+                    rrb.TimeSeriesView(
+                        origin="/hd", name="Hausdorff distance, log10 of cells", plot_legend=legend
+                    ),
                     rrb.TimeSeriesView(origin="/hd_cells", name="in cells", plot_legend=legend),
                 ),
                 rrb.TimeSeriesView(origin="/swarms", name="Swarms", plot_legend=legend),
@@ -200,7 +229,7 @@ def _dot_size(truth: NDArray[np.float64]) -> float:
     from scipy.spatial import cKDTree
 
     few = truth[:: max(1, len(truth) // 2000)]
-    distances, _ = cKDTree(truth).query(few, k=min(2, len(truth)))
+    distances = np.asarray(cKDTree(truth).query(few, k=min(2, len(truth)))[0])
     spacing = float(np.median(distances[:, -1])) if distances.ndim == 2 else 0.0
     return 0.28 * spacing or 0.5
 

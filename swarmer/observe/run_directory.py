@@ -17,19 +17,26 @@ import shlex
 import shutil
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import swarmer
 from swarmer.engines.result import Event
-from swarmer.errors import BadInput
+from swarmer.errors import BadInput, RunFailed
 from swarmer.observe.files import PARTIAL, TEMPORARY, Stream, disk_errors, write_text
 
 ROOT = Path("runs")
 NAME_LENGTH = 60
-CONFIG, MANIFEST, SUMMARY, EVENTS, LOG = "config.yaml", "manifest.json", "summary.json", "events.csv", "log.txt"
+CONFIG, MANIFEST, SUMMARY, EVENTS, LOG = (
+    "config.yaml",
+    "manifest.json",
+    "summary.json",
+    "events.csv",
+    "log.txt",
+)
 RECORDING, TIMELINE, REPORT, TRACE = "recording.rrd", "timeline.npz", "report.html", "trace.jsonl.gz"
 FILES = (CONFIG, MANIFEST, SUMMARY, EVENTS, LOG, RECORDING, TIMELINE, REPORT, TRACE)
 EVENT_COLUMNS = ("t_s", "kind", "fid", "text")
@@ -62,7 +69,11 @@ class RunDirectory:
         shape: a catalogue name or a path, of which the stem is used. command: the argument vector.
         Raises BadInput where `out` may not be written, RunFailed where it cannot.
         """
-        path = _fresh(root, f"{safe_name(shape)}-{time.strftime('%Y%m%d-%H%M%S')}-{seed}") if out is None else out
+        path = (
+            _fresh(root, f"{safe_name(shape)}-{time.strftime('%Y%m%d-%H%M%S')}-{seed}")
+            if out is None
+            else out
+        )
         if out is not None:
             _take(out)
         return cls(path, safe_name(shape), seed, command)
@@ -79,7 +90,9 @@ class RunDirectory:
 
     def write_summary(self, summary: dict[str, Any]) -> None:
         """Write summary.json, the mark of a finished run. Raises RunFailed, ValueError for NaN or infinity."""
-        write_text(self.path / SUMMARY, json.dumps(summary, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
+        write_text(
+            self.path / SUMMARY, json.dumps(summary, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+        )
 
     def event(self, event: Event) -> None:
         """Append a line to events.csv. Raises RunFailed."""
@@ -91,12 +104,14 @@ class RunDirectory:
 
     def close(self, status: str) -> None:
         """Close all streams and complete the manifest, as far as the disk allows. Raises the first RunFailed."""
-        failures: list[Exception] = []
-        for action in (*(stream.close for stream in self._streams), lambda: self._end_manifest(status)):
+        failures: list[RunFailed] = []
+        endings: list[Callable[[], None]] = [stream.close for stream in self._streams]
+        endings.append(partial(self._end_manifest, status))
+        for end in endings:
             try:
-                action()
-            except Exception as error:
-                failures.append(error)
+                end()
+            except RunFailed as failure:
+                failures.append(failure)
         self._release()
         if failures:
             raise failures[0]
@@ -115,9 +130,9 @@ class RunDirectory:
 
 
 def safe_name(shape: str) -> str:
-    """A shape's name as part of a file name; of a path the stem.
+    r"""A shape's name as part of a file name; of a path the stem.
 
-    >>> safe_name("../clouds/my dragon.xyz"), safe_name("/"), safe_name("a\\0b")
+    >>> safe_name("../clouds/my dragon.xyz"), safe_name("/"), safe_name("a\0b")
     ('my-dragon', 'shape', 'a-b')
     """
     name = shape.replace("\\", "/").rstrip("/").rpartition("/")[2]
@@ -146,7 +161,9 @@ def _take(out: Path) -> None:
         raise BadInput("out", text, "the path of a directory that is new or empty")
     try:
         if out.is_symlink() and not out.exists():
-            raise BadInput("out", text, "it is a link to nothing; the path of a directory that is new or empty")
+            raise BadInput(
+                "out", text, "it is a link to nothing; the path of a directory that is new or empty"
+            )
         if not out.exists():
             with disk_errors(out):
                 out.mkdir(parents=True)
@@ -167,7 +184,9 @@ def _clear(out: Path) -> None:
         raise BadInput("out", str(out), "a finished run is there; choose another directory, or remove it")
     ours = {name + suffix for name in FILES for suffix in ("", PARTIAL, TEMPORARY)}
     if strange := sorted(names - ours):
-        raise BadInput("out", str(out), f"it holds other files ({strange[0]}); choose a new or empty directory")
+        raise BadInput(
+            "out", str(out), f"it holds other files ({strange[0]}); choose a new or empty directory"
+        )
     lock = _lock(out)
     try:
         with disk_errors(out):

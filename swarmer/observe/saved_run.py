@@ -6,6 +6,7 @@ import csv
 import json
 import math
 import zipfile
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,9 +21,18 @@ from swarmer.errors import BadInput
 from swarmer.observe import timeline
 from swarmer.observe.files import PARTIAL
 from swarmer.observe.run_directory import CONFIG, EVENTS, FILES, MANIFEST, RECORDING, SUMMARY, TIMELINE
+from swarmer.yaml_file import parse
 
-BROKEN = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zipfile.LargeZipFile, yaml.YAMLError,
-          NotImplementedError, RuntimeError, IndexError, TypeError, csv.Error, RecursionError)  # fmt: skip
+# What readers raise at files that were cut or hold something else.
+BROKEN = (
+    OSError, ValueError, KeyError, IndexError, TypeError, EOFError, RuntimeError, RecursionError, NotImplementedError,
+    zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, csv.Error, yaml.YAMLError, BadInput,
+)  # fmt: skip
+TABLES = {"time_to_hd_s", "timer_late_ms", "handled_late_ms"}  # of a summary
+NUMBERS = {
+    "points", "seed", "emulated_s", "wall_s", "hd_cells", "hd_min_cells", "first_single_swarm_s", "single_swarm_count",
+    "distance_cells_mean", "datagrams_sent", "time_scale", "suggested_time_scale",
+}  # fmt: skip
 LARGEST_TEXT = 64 << 20  # bytes of a config, a summary or a manifest
 
 
@@ -79,9 +89,9 @@ def load(path: Path) -> SavedRun:
     """Read a run directory. Raises BadInput if it is none."""
     check_run_directory(path)
     run = SavedRun(path)
-    run.config = _read(run, CONFIG, lambda file: _mapping(yaml.safe_load(_text(file)))) or {}
+    run.config = _read(run, CONFIG, lambda file: _mapping(parse(_text(file)))) or {}
     run.manifest = _read(run, MANIFEST, lambda file: _mapping(json.loads(_text(file)))) or {}
-    run.summary = _read(run, SUMMARY, lambda file: _mapping(json.loads(_text(file)))) or {}
+    run.summary = _read(run, SUMMARY, lambda file: _summary(run, json.loads(_text(file)))) or {}
     run.events = _read(run, EVENTS, lambda file: _events(run, file)) or []
     run.timeline = _timeline(run)
     if run.recording() is None:
@@ -97,7 +107,11 @@ def check_run_directory(path: Path) -> None:
         raise BadInput("run", str(path), "no such directory; a run prints its directory as its last line")
     names = {name + suffix for name in FILES for suffix in ("", PARTIAL)}
     if not path.is_dir() or not any((path / name).exists() for name in sorted(names)):
-        raise BadInput("run", str(path), "not a run directory: it has none of summary.json, timeline.npz, events.csv, ...")
+        raise BadInput(
+            "run",
+            str(path),
+            "not a run directory: none of its files is there",
+        )
 
 
 def existing(directory: Path, name: str) -> Path | None:
@@ -119,7 +133,8 @@ def _read(run: SavedRun, name: str, reader: Callable[[Path], Any]) -> Any:
     try:
         return reader(path)
     except BROKEN as error:
-        run.missing.append(f"{path.name}: cannot be read ({' '.join(str(error).split())[:100] or type(error).__name__})")
+        reason = " ".join(str(error).split())[:100] or type(error).__name__
+        run.missing.append(f"{path.name}: cannot be read ({reason})")
         return None
 
 
@@ -133,6 +148,27 @@ def _mapping(data: object) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise ValueError("no table of names and values")
     return data
+
+
+def _summary(run: SavedRun, data: object) -> dict[str, Any]:
+    """The summary without what is not of its kind: numbers where numbers are due, tables of numbers where those are."""
+    summary = _mapping(data)
+    tables = {name: value for name, value in summary.items() if name in TABLES and value is not None}
+    bad = [
+        name
+        for name, value in tables.items()
+        if not isinstance(value, dict) or not all(map(_number, value.values()))
+    ]
+    bad += [name for name, value in summary.items() if name in NUMBERS and not _number(value)]
+    for name in bad:
+        del summary[name]
+    if bad:
+        run.missing.append(f"{SUMMARY}: cannot be used: {', '.join(bad)}")
+    return summary
+
+
+def _number(value: object) -> bool:
+    return value is None or (isinstance(value, (int, float)) and math.isfinite(value))
 
 
 def _events(run: SavedRun, path: Path) -> list[Event]:
@@ -184,15 +220,31 @@ def _chunked_timeline(run: SavedRun, directory: Path) -> SavedTimeline | None:
         run.missing.append(f"{directory.name}: a part cannot be read ({type(error).__name__})")
     if not parts:
         return None
-    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in timeline.Frame._fields}
+    joined = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in timeline.Frame._fields
+    }
     return SavedTimeline(truth=truth, **joined)
 
 
 def _checked(saved: SavedTimeline) -> SavedTimeline:
     """The timeline, if its arrays fit each other. Raises ValueError."""
     samples, count = len(saved.t_s), len(saved.truth)
-    shapes = [(count, 3), (samples, count, 3), (samples, count), (samples, count), (samples, count), (samples,)]
-    arrays = (saved.truth, saved.position, saved.swarm, saved.state, saved.lit, saved.hd_cells)
+    shapes = [
+        (count, 3),
+        (samples, count, 3),
+        (samples, count),
+        (samples, count),
+        (samples, count),
+        (samples,),
+    ]
+    arrays: tuple[NDArray[Any], ...] = (
+        saved.truth,
+        saved.position,
+        saved.swarm,
+        saved.state,
+        saved.lit,
+        saved.hd_cells,
+    )
     if saved.t_s.ndim != 1 or any(array.shape != shape for array, shape in zip(arrays, shapes, strict=True)):
         raise ValueError("its arrays do not fit each other")
     if not np.isfinite(saved.t_s).all() or not np.isfinite(saved.position).all():

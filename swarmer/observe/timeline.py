@@ -60,10 +60,14 @@ class TimelineWriter:
         self._chunk_samples = max(1, min(CHUNK_SAMPLES, CHUNK_BYTES // frame_bytes))
         with disk_errors(self.path):
             self.partial.mkdir(exist_ok=True)
-        write_file(self.partial / "truth.npz", lambda file: np.savez(file, **self._fixed()), durable=False)
+        write_file(self.partial / "truth.npz", self._write_truth, durable=False)
 
     def _fixed(self) -> dict[str, Any]:
         return {"fid": np.arange(1, len(self._truth) + 1, dtype=np.int32), "truth": self._truth}
+
+    def _write_truth(self, file: BinaryIO) -> None:
+        fid, truth = self._fixed().values()
+        np.savez(file, fid=fid, truth=truth)
 
     def append(self, frame: Frame) -> None:
         """Take a frame; its arrays are copied into the types of the file."""
@@ -78,7 +82,7 @@ class TimelineWriter:
             return
         columns = {name: np.stack([getattr(f, name) for f in self._frames]) for name in Frame._fields}
         path = self.partial / f"{len(self._chunks):05d}.npz"
-        write_file(path, lambda file: np.savez(file, **columns), durable=False)
+        write_file(path, lambda file: np.savez(file, allow_pickle=False, **columns), durable=False)
         self._chunks.append((path, len(self._frames)))
         self._frames.clear()
 
@@ -101,7 +105,11 @@ class TimelineWriter:
                     npy.write_array(member, array)
             for name, dtype in TYPES.items():
                 shape = (samples, *shapes.get(name, (len(self._truth),)))
-                header = {"descr": npy.dtype_to_descr(np.dtype(dtype)), "fortran_order": False, "shape": shape}
+                header = {
+                    "descr": npy.dtype_to_descr(np.dtype(dtype)),
+                    "fortran_order": False,
+                    "shape": shape,
+                }
                 with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                     npy.write_array_header_1_0(member, header)
                     for part in self._parts(name):

@@ -5,13 +5,16 @@ The viewer and its server listen on every interface unless told otherwise, so ea
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
 import os
 import shutil
 import socket
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from swarmer.errors import RunFailed
@@ -22,10 +25,15 @@ WEB_PORT = 9090
 
 
 def rerun_command() -> list[str]:
-    """How to start rerun: its program beside this Python, else the module."""
-    beside = Path(sys.executable).with_name("rerun")
-    if beside.exists():
-        return [str(beside)]
+    """How to start rerun: the program in its package, else what the shell finds, else the module.
+
+    The script that its package installs starts that program as a child, which outlives the script when that is ended.
+    """
+    package = importlib.util.find_spec("rerun_cli")
+    if package is not None and package.origin is not None:
+        program = Path(package.origin).with_name("rerun")
+        if program.exists():
+            return [str(program)]
     found = shutil.which("rerun")
     return [found] if found else [sys.executable, "-m", "rerun"]
 
@@ -87,3 +95,18 @@ def answers(port: int, wait_s: float = 10.0) -> bool:
                 return True
         time.sleep(0.1)
     return False
+
+
+@contextlib.contextmanager
+def playable(recording: Path) -> Iterator[Path]:
+    """A path that the viewer takes for a recording, for as long as the block lasts.
+
+    The viewer goes by the ending .rrd, which a partial stream does not have: it gets a link in a temporary place.
+    """
+    if recording.suffix == ".rrd":
+        yield recording
+        return
+    with tempfile.TemporaryDirectory(prefix="swarmer-") as place:
+        link = Path(place) / "recording.rrd"
+        link.symlink_to(recording.resolve())
+        yield link

@@ -56,6 +56,15 @@ def seconds(value: float | None) -> str:
     return "never" if value is None else f"{value:.1f} s"
 
 
+def swarms(number: int) -> str:
+    """How many swarms.
+
+    >>> swarms(1), swarms(12)
+    ('1 swarm', '12 swarms')
+    """
+    return f"{number} swarm" + ("" if number == 1 else "s")
+
+
 def memory(megabytes: float | None) -> str:
     """Megabytes, as gigabytes from 1000 on.
 

@@ -22,17 +22,20 @@ class Timer(IntEnum):
 
 
 class Local(IntEnum):
-    """Keys of the table for what is no message; beyond every Kind, so one table holds both."""
+    """Keys of the table for what is no message; beyond every Kind, so one table holds both. Timers come first."""
 
-    CHALLENGE_DUE = 100
-    BOUND_OVER = 101
-    LEASE_OVER = 102
-    RENEW_DUE = 103
-    THAW_DUE = 104
-    LAUNCH = 110
-    LANDED = 111
-    MEASURED = 112
-    BATTERY_LOW = 113
+    CHALLENGE_DUE = 20
+    BOUND_OVER = 21
+    LEASE_OVER = 22
+    RENEW_DUE = 23
+    THAW_DUE = 24
+    LAUNCH = 25
+    LANDED = 26
+    MEASURED = 27
+    BATTERY_LOW = 28
+
+
+KEYS = 29  # one more than the largest key
 
 
 class Received(NamedTuple):

@@ -8,7 +8,16 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-from swarmer.messages import LARGEST, Kind, Message, Swarm, To, Vec3
+from swarmer.messages import (
+    CHALLENGE_ACK,
+    CHALLENGE_INIT,
+    LARGEST,
+    TO_FLS,
+    Kind,
+    Message,
+    Swarm,
+    Vec3,
+)
 
 
 class Published(Protocol):
@@ -58,14 +67,14 @@ def judge(message: Message, state: Published, neighbours: frozenset[int], neighb
     kind = message.kind
     if message.epoch != state.epoch:
         return QUEUE  # one of the two has missed a thaw, and only the handler may obey it
-    if kind == Kind.CHALLENGE_INIT:
+    if kind == CHALLENGE_INIT:
         if not state.awake or state.flying:
             return DROP
         if message.swarm != state.swarm:
             return QUEUE if state.available or state.anchoring else NOTE
         answers = neighbour_reply and message.sender in neighbours
         return NOTE_AND_ANSWER if answers else NOTE
-    if kind == Kind.CHALLENGE_ACK and state.awake and not can_pair(message, state):
+    if kind == CHALLENGE_ACK and state.awake and not can_pair(message, state):
         return CANCEL
     return QUEUE
 
@@ -80,6 +89,6 @@ def can_pair(message: Message, state: Published) -> bool:
 def answer(message: Message, kind: Kind, state: Published, fid: int, incarnation: int, truth: Vec3) -> Message:
     """The reply that `judge` asked for, from this FLS to the sender of `message`."""
     return Message(
-        kind, fid, incarnation, state.epoch, state.swarm, state.size, truth, To.FLS, Swarm(message.sender, 0),
+        kind, fid, incarnation, state.epoch, state.swarm, state.size, truth, TO_FLS, Swarm(message.sender, 0),
         0, message.challenge, LARGEST,
     )  # fmt: skip

@@ -123,7 +123,7 @@ class World:
 
     def ears(self, body: Body) -> Ears:
         m = body.machine
-        return Ears(1, m.fid, m.swarm if m.awake else NO_SWARM, m.truth)
+        return Ears(1, m.fid, m.swarm if m.awake else NO_SWARM, m.truth, m.beliefs.neighbours)
 
     def receive(self, fid: int, body: Body, message, stamp) -> None:
         if not body.window.fresh(message.sender, message.incarnation, stamp.number):

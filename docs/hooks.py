@@ -1,0 +1,37 @@
+"""Called by mkdocs: makes the page of the commands from the commands themselves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+from mkdocs.structure.files import File, Files
+
+from swarmer import cli
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add `reference/commands.md` to the pages."""
+    files.append(File.generated(config, "reference/commands.md", content=commands_page()))
+    return files
+
+
+def commands_page() -> str:
+    """The help of every command, subcommands below their own."""
+    parts = [
+        "# Commands\n\n`swarmer-run` is `swarmer run`. Exit status: 0 done, 1 the run failed, 2 bad input, "
+    ]
+    parts += ["130 interrupted."]
+    for name in cli.COMMANDS:
+        parts += sections(cli.load(name), f"swarmer {name}", 2)
+    return "".join(parts) + "\n"
+
+
+def sections(command: click.Command, name: str, level: int) -> list[str]:
+    """The help of a command and of those below it."""
+    context = click.Context(command, info_name=name, terminal_width=100, max_content_width=100)
+    parts = [f"\n\n{'#' * level} {name}\n\n```text\n{command.get_help(context)}\n```"]
+    if isinstance(command, click.Group):
+        for below in command.list_commands(context):
+            parts += sections(command.commands[below], f"{name} {below}", level + 1)
+    return parts

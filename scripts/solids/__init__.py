@@ -1,0 +1,1 @@
+"""The project's own shapes, each made by a procedure in a file of its name."""

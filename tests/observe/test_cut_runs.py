@@ -1,0 +1,90 @@
+"""A run directory cut at any byte, killed, or with strange content: what is whole is shown, the rest is named."""
+
+import random
+import shutil
+
+import pytest
+from click.testing import CliRunner
+
+from swarmer.commands.replay import command as replay
+from swarmer.errors import SwarmerError
+from swarmer.observe.report import make_report
+from swarmer.observe.saved_run import load
+
+NAMES = ("config.yaml", "manifest.json", "summary.json", "events.csv", "timeline.npz")
+
+
+def cut(finished_run, tmp_path, name, share):
+    run = tmp_path / "cut"
+    shutil.rmtree(run, ignore_errors=True)
+    shutil.copytree(finished_run, run)
+    data = (run / name).read_bytes()
+    (run / name).write_bytes(data[: int(len(data) * share)])
+    return run
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_file_cut_at_any_byte(finished_run, tmp_path, name):
+    rng = random.Random(name)
+    for share in [0.0, *(rng.random() for _ in range(12))]:
+        run = load(cut(finished_run, tmp_path, name, share))
+        whole = run.config and run.manifest and run.summary and run.events and run.timeline is not None
+        if name not in ("events.csv", "config.yaml"):  # a shorter CSV or YAML may be a good one
+            assert not whole
+            assert any(name in line for line in run.missing)
+        for other in {"manifest.json", "summary.json", "timeline.npz"} - {name}:
+            assert not any(other in line for line in run.missing)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_report_and_terminal_of_a_cut_run(finished_run, tmp_path, name):
+    run = cut(finished_run, tmp_path, name, 0.4)
+    page = make_report([load(run)])
+    assert ("Not everything is there" in page) == bool(load(run).missing)
+    if name == "timeline.npz":
+        with pytest.raises(SwarmerError, match="no timeline"):
+            CliRunner().invoke(
+                replay, [str(run), "--terminal"], standalone_mode=False, catch_exceptions=False
+            )
+    else:
+        assert "lit" in CliRunner().invoke(replay, [str(run), "--terminal"], catch_exceptions=False).output
+
+
+def test_bytes_turned_over(finished_run, tmp_path):
+    rng = random.Random(5)
+    for _ in range(30):
+        name = rng.choice(NAMES)
+        run = cut(finished_run, tmp_path, name, 1.0)
+        data = bytearray((run / name).read_bytes())
+        for _ in range(rng.randint(1, 20)):
+            data[rng.randrange(len(data))] = rng.randrange(256)
+        (run / name).write_bytes(data)
+        make_report([load(run)])
+
+
+STRANGE = [
+    "", "[]", "null", "NaN", "{", "\x00\xff", "[" * 3000, "a: &x [*x]", '{"time_to_hd_s": 3}',
+    '{"points": "many", "emulated_s": "long", "shape": null, "hd_cells": []}',
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", STRANGE)
+@pytest.mark.parametrize("name", ["config.yaml", "manifest.json", "summary.json"])
+def test_strange_content(finished_run, tmp_path, name, text):
+    run = cut(finished_run, tmp_path, name, 0.0)
+    (run / name).write_text(text, encoding="utf-8")
+    assert "<html" in make_report([load(run)])
+
+
+def test_killed_run_is_reported_from_its_streams(tmp_path, fake):
+    from swarmer.observe.collector import Collector
+    from swarmer.observe.run_directory import RunDirectory
+
+    collector = Collector(RunDirectory.create(tmp_path / "run", "ball", 1, ["swarmer-run"]))
+    fake.feed(collector, fake.plan(recording={"enabled": False}), 25.0)  # and then nothing: it was killed
+    run = load(tmp_path / "run")
+    assert len(run.timeline.t_s) == 200
+    assert {line.split(":")[0] for line in run.missing} >= {"summary.json", "timeline.npz", "events.csv"}
+    page = make_report([run])
+    assert "unfinished" in page
+    assert run.summary["time_to_hd_s"]["0.1"] is not None

@@ -1,0 +1,102 @@
+import json
+import os
+import string
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swarmer.engines.result import Event
+from swarmer.errors import BadInput, SwarmerError
+from swarmer.observe.run_directory import RunDirectory, safe_name
+from swarmer.observe.saved_run import load
+
+
+def create(path, shape="dragon", root=None):
+    return RunDirectory.create(path, shape, 7, ["swarmer-run"], *([root] if root else []))
+
+
+@given(
+    st.text(max_size=80) | st.sampled_from(["../x", "/etc/passwd", "", "\0", "..", ".", "a/../..", "x" * 500])
+)
+def test_any_shape_name_becomes_one_plain_name(shape):
+    name = safe_name(shape)
+    assert 0 < len(name) <= 60
+    assert set(name) <= set(string.ascii_letters + string.digits + "._-")
+    assert not name.startswith(".")
+
+
+def test_unnamed_runs_get_directories_of_their_own(tmp_path):
+    root = tmp_path / "runs"
+    made = [create(None, "../../dragon.xyz", root) for _ in range(3)]
+    assert len({directory.path for directory in made}) == 3
+    assert all(d.path.parent == root and d.path.name.startswith("dragon-") for d in made)
+
+
+@pytest.mark.parametrize("name", ["", " ", "a\0b"])
+def test_names_that_are_none_are_refused(tmp_path, name, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BadInput, match="out"):
+        create(type(tmp_path)(name) if name.strip() else _Blank(name))
+    assert list(tmp_path.iterdir()) == []
+
+
+class _Blank:
+    def __init__(self, text):
+        self.text = text
+
+    def __str__(self):
+        return self.text
+
+
+def test_out_may_be_new_or_empty_only(tmp_path):
+    (tmp_path / "empty").mkdir()
+    assert create(tmp_path / "empty").path.is_dir()
+    assert create(tmp_path / "a" / "b").path.is_dir()
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.tex").write_text("mine")
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    for taken in ("file", "full", "link"):
+        with pytest.raises(BadInput, match="out"):
+            create(tmp_path / taken)
+    assert (tmp_path / "file").read_text() == (tmp_path / "full" / "thesis.tex").read_text() == "mine"
+    assert not (tmp_path / "nowhere").exists()
+
+
+def test_finished_run_is_never_overwritten(finished_run):
+    before = {path.name: path.read_bytes() for path in finished_run.iterdir()}
+    with pytest.raises(BadInput, match="finished run"):
+        create(finished_run)
+    assert {path.name: path.read_bytes() for path in finished_run.iterdir()} == before
+
+
+def test_unfinished_run_is_replaced_but_not_while_it_runs(tmp_path):
+    running = create(tmp_path / "run")
+    with pytest.raises(BadInput, match="another run"):
+        create(tmp_path / "run")
+    running.event(Event(1.0, "thaw", 0, "from the first"))
+    running._release()  # killed
+    again = create(tmp_path / "run")
+    again.close("done")
+    assert "from the first" not in (tmp_path / "run" / "events.csv").read_text()
+
+
+def test_streams_are_partial_until_closed(tmp_path):
+    directory = create(tmp_path / "run")
+    directory.event(Event(1.25, "failure", 3, 'he said "no",\nand died'))
+    names = {path.name for path in directory.path.iterdir()}
+    assert {"events.csv.partial", "log.txt.partial", "manifest.json"} == names
+    assert load(directory.path).events == [Event(1.25, "failure", 3, 'he said "no",\nand died')]
+    directory.close("done")
+    assert {path.name for path in directory.path.iterdir()} == {"events.csv", "log.txt", "manifest.json"}
+    manifest = json.loads((directory.path / "manifest.json").read_text())
+    assert (manifest["status"], manifest["seed"]) == ("done", 7)
+    assert manifest["ended"]
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root writes everywhere")
+def test_directory_without_permission_is_one_line(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(SwarmerError, match="Permission denied"):
+        create(tmp_path / "run")
