@@ -58,7 +58,12 @@ from swarmer.udp_wrapper import UdpWrapper, Wires
 FAILED_EXIT = 17  # an FLS that failed as scheduled, without a word (rule 13)
 DEPARTED_EXIT = 18  # one that left to charge
 
-_SENT, _BYTES_SENT, _DELIVERED, _BYTES_DELIVERED = Wire.SENT, Wire.BYTES_SENT, Wire.DELIVERED, Wire.BYTES_DELIVERED
+_SENT, _BYTES_SENT, _DELIVERED, _BYTES_DELIVERED = (
+    Wire.SENT,
+    Wire.BYTES_SENT,
+    Wire.DELIVERED,
+    Wire.BYTES_DELIVERED,
+)
 _LOST_SENDER, _LOST_RECEIVER, _REPLAYED, _BAD = Wire.LOST_SENDER, Wire.LOST_RECEIVER, Wire.REPLAYED, Wire.BAD
 _ANSWERED_AT_ONCE, _DISTANCE_MICROCELLS = Wire.ANSWERED_AT_ONCE, Wire.DISTANCE_MICROCELLS
 _FLIGHTS, _SEND_FAILED, _WOKEN = Wire.FLIGHTS, Wire.SEND_FAILED, Wire.WOKEN
@@ -117,7 +122,10 @@ class Fls:
         self.velocity, self.sensor = make_velocity(rules), make_sensor(rules)
         self._dead_reckoning = DEAD_RECKONING[rules.dead_reckoning]
         self._sender_rules, self._receiver_rules = EndRules(*rules.sender), EndRules(*rules.receiver)
-        self._sends_perfectly, self._hears_perfectly = self._sender_rules.perfect, self._receiver_rules.perfect
+        self._sends_perfectly, self._hears_perfectly = (
+            self._sender_rules.perfect,
+            self._receiver_rules.perfect,
+        )
         self._draw_streams()
         self.machine = make_machine(
             rules, Identity(spec.fid, spec.incarnation, spec.truth), spec.neighbours, spec.reach,
@@ -128,8 +136,10 @@ class Fls:
         self._grid = Grid(run.steps_per_cell)
         self._cell = self._grid.of(spec.truth)
         self.ears = Ears(run.run, spec.fid, NO_SWARM, spec.truth, self.machine.beliefs.neighbours)
-        self.udp = UdpWrapper(spec.fid, rules.count, run.wires, self._grid, spec.near, spec.distances)
-        self.udp.tune(self.ears)
+        self.udp = UdpWrapper(
+            self.ears, shared.directory(), run.wires, self._grid, spec.near, spec.distances,
+            not rules.range_estimated,
+        )  # fmt: skip
         self._window = ReplayWindow()
         self._numbers = counting(1)
         self._order = counting()
@@ -144,7 +154,9 @@ class Fls:
         self._shown: tuple[object, ...] = ()
         self.exit_status: int | None = None
         if rules.failure_rate > 0:
-            self._due[FAILURE] = max(self.clock.now(), 0.0) + self._failure_rng.expovariate(rules.failure_rate)
+            self._due[FAILURE] = max(self.clock.now(), 0.0) + self._failure_rng.expovariate(
+                rules.failure_rate
+            )
         if rules.battery_s > 0:
             self._due[BATTERY] = max(self.clock.now(), 0.0) + rules.battery_s
 
@@ -354,7 +366,7 @@ class Fls:
         swarm = machine.swarm if machine.awake else NO_SWARM
         if swarm != self.ears.swarm:
             self.ears = self.ears._replace(swarm=swarm)
-            self.udp.tune(self.ears, not self.rules.range_estimated)
+            self.udp.tune(self.ears)
 
     def _publish(self) -> None:
         m = self.machine
@@ -384,9 +396,7 @@ class Fls:
         if not self._sends_perfectly:
             copies = fate(self._sender_rules, self._sender_rng)
         delay = copies[0] if copies else 0.0
-        stamp = Stamp(
-            self.run.run, next(self._numbers), self.position(), now + delay, self._cell, reach2
-        )
+        stamp = Stamp(self.run.run, next(self._numbers), self.position(), now + delay, self._cell, reach2)
         data = encode(message, stamp, self.run.key)
         counts[_SENT] += 1
         counts[_BYTES_SENT] += len(data)

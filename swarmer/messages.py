@@ -86,9 +86,7 @@ BUSY = 2  # an acceptor that is anchoring already
 ANCHORING = 4  # SET_WAITING: the swarm anchors; without it, it localizes
 ALL_FLAGS = JOIN | BUSY | ANCHORING
 
-SWARM_KINDS = frozenset(
-    (Kind.SET_WAITING, Kind.SET_AVAILABLE, Kind.FOLLOW, Kind.MERGE, Kind.FOLLOW_MERGE)
-)
+SWARM_KINDS = frozenset((Kind.SET_WAITING, Kind.SET_AVAILABLE, Kind.FOLLOW, Kind.MERGE, Kind.FOLLOW_MERGE))
 ENGINE_FID = 0
 FROM_ENGINE = frozenset((Kind.CONTROL, Kind.THAW))
 

@@ -104,7 +104,9 @@ def make_plan(config: RunConfig) -> Plan:
     cloud = load_shape(config.shape, config.points, config.duplicates, config.seed)
     neighbours = neighbour_plan(cloud.points, config.eta, config.neighbours)
     diagonal = math.dist((0.0, 0.0, 0.0), cloud.box_cells)
-    return Plan(config, cloud, neighbours, make_rules(config, len(cloud), cloud.dim, diagonal, technique), diagonal)
+    return Plan(
+        config, cloud, neighbours, make_rules(config, len(cloud), cloud.dim, diagonal, technique), diagonal
+    )
 
 
 def find_technique(name: str) -> str:
@@ -184,7 +186,8 @@ def make_machine(
     epoch: int = 0,
 ) -> StateMachine:
     """The state machine of one FLS. reach: cells to its farthest planned neighbour."""
-    start = reach if rules.range_start is None else rules.range_start
+    # A hair more, so that the farthest neighbour is in range whichever way its distance was computed.
+    start = reach * (1 + 1e-9) if rules.range_start is None else rules.range_start
     settings = MachineSettings(
         lambda_s=rules.lambda_s,
         lease_s=rules.lease_s,
@@ -193,7 +196,7 @@ def make_machine(
         waiting_bound_s=1e9 if rules.waiting_ends_at_tick else rules.waiting_bound_s,
         waiting_ends_at_tick=rules.waiting_ends_at_tick,
         flight_threshold=rules.flight_threshold,
-        range_start=min(start, rules.range_max),
+        range_start=min(start, rules.range_max * (1 + 1e-9)),
         range_step=rules.range_step,
         range_max=rules.range_max,
         challenge_on_available=rules.challenge_on_available,

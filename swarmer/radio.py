@@ -78,7 +78,11 @@ class Grid(NamedTuple):
     def of(self, point: Vec3) -> tuple[int, int, int]:
         """The nearest grid point, modulo 2^32: differences come out right whatever the sign."""
         k = self.steps_per_cell
-        return (round(point[0] * k) & 0xFFFFFFFF, round(point[1] * k) & 0xFFFFFFFF, round(point[2] * k) & 0xFFFFFFFF)
+        return (
+            round(point[0] * k) & 0xFFFFFFFF,
+            round(point[1] * k) & 0xFFFFFFFF,
+            round(point[2] * k) & 0xFFFFFFFF,
+        )
 
     def reach2(self, radius: float) -> int:
         """Squared range on the grid, rounded up by more than rounding two points can cost (never too small)."""
@@ -150,4 +154,3 @@ class ReplayWindow:
             return False
         self._seen[sender] = (known, newest, bits | 1 << -ahead)
         return True
-

@@ -28,6 +28,7 @@ from swarmer.messages import (
     JOIN,
     LEASE_CANCEL,
     LEASE_RENEW,
+    LEAVE,
     MERGE,
     NEIGHBOUR,
     NO_SWARM,
@@ -35,7 +36,6 @@ from swarmer.messages import (
     SET_WAITING,
     SWARM_KINDS,
     THAW,
-    LEAVE,
     TO_ALL,
     TO_FLS,
     TO_SWARM,
@@ -92,7 +92,9 @@ class State(IntEnum):
 
 D, A, BA, BL, W = State
 CHALLENGE_TIMER, BOUND_TIMER, LEASE_TIMER, RENEW_TIMER, THAW_TIMER = Timer
-_LAUNCH, _LANDED, _MEASURED, _BATTERY_LOW = map(int, (Local.LAUNCH, Local.LANDED, Local.MEASURED, Local.BATTERY_LOW))
+_LAUNCH, _LANDED, _MEASURED, _BATTERY_LOW = map(
+    int, (Local.LAUNCH, Local.LANDED, Local.MEASURED, Local.BATTERY_LOW)
+)
 
 
 class Identity(NamedTuple):
@@ -461,9 +463,7 @@ class StateMachine:
             self.reach = min(self.reach + s.range_step, s.range_max)
         self.challenge = self.challenge % 0xFFFFFFFF + 1
         self._open, self._taken = True, False
-        self._say(
-            CHALLENGE_INIT, TO_ALL, flags=self._join_flag(), challenge=self.challenge, reach=self.reach
-        )
+        self._say(CHALLENGE_INIT, TO_ALL, flags=self._join_flag(), challenge=self.challenge, reach=self.reach)
 
     def _join_flag(self) -> int:
         return JOIN if self.joins else 0
@@ -829,6 +829,7 @@ TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
         Local.BATTERY_LOW: _rule(_M.leave, W),
     },
 }
+
 
 def _key(number: int) -> Kind | Local | None:
     if number >= Local.CHALLENGE_DUE:

@@ -1,4 +1,4 @@
-"""The memory that a run's processes share: a control page, and one slot for each FLS (section 6).
+"""The memory that a run's processes share: a control page, one slot for each FLS, the radio's directory (section 6).
 
 An FLS writes its own slot and nobody waits for anybody: whoever looks copies all slots and takes those again that were
 being written (a sequence lock). Counters are single words that only grow, so they need no lock. A flight is published
@@ -74,7 +74,9 @@ class Wire(IntEnum):
 
 
 COUNTERS = len(Count) + len(Wire)
-NETWORK_AT = COUNTERS_AT + 8 * COUNTERS  # the network thread counts apart from the handler, so neither needs a lock
+NETWORK_AT = (
+    COUNTERS_AT + 8 * COUNTERS
+)  # the network thread counts apart from the handler, so neither needs a lock
 TIMER_LATE_AT = NETWORK_AT + 8 * COUNTERS
 HANDLED_LATE_AT = TIMER_LATE_AT + 4 * BUCKETS
 SLOT = -(-(HANDLED_LATE_AT + 4 * BUCKETS) // CACHE_LINE) * CACHE_LINE
@@ -99,11 +101,16 @@ class SharedMemory:
     def __init__(self, count: int, fd: int | None = None) -> None:
         """count: F. Raises OSError where there is not enough memory."""
         self.count = count
-        self.size = PAGE + count * SLOT
+        self.directory_at = PAGE + count * SLOT
+        self.size = self.directory_at + 4 * count
         self.fd = os.memfd_create("swarmer") if fd is None else fd
         if fd is None:
             os.ftruncate(self.fd, self.size)
         self.map = mmap.mmap(self.fd, self.size)
+
+    def directory(self) -> memoryview:
+        """(F,) unsigned ints: the Swarm-ID that each FLS listens to now, 0 for none. For the radio alone."""
+        return memoryview(self.map)[self.directory_at :].cast("I")
 
     def close(self) -> None:
         """Give up this process's hold; the memory goes with the last."""
@@ -211,7 +218,9 @@ class Sample(NamedTuple):
 class Reader:
     """Looks at all slots; belongs to the engine, which has numpy."""
 
-    RETRIES = 1000  # a writer that was stopped mid-write must not stop the reader: then the last good row stands
+    RETRIES = (
+        1000  # a writer that was stopped mid-write must not stop the reader: then the last good row stands
+    )
 
     def __init__(self, shared: SharedMemory, velocity: Velocity) -> None:
         import numpy as np

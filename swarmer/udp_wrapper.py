@@ -9,13 +9,14 @@ Swarm-ID changes. `radio.heard` is asked again for whatever arrives.
 from __future__ import annotations
 
 import ctypes
+import errno
 import socket
 import struct
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import MutableSequence, Sequence
 from typing import Any, NamedTuple
 
-from swarmer.messages import CHALLENGE_INIT, NO_SWARM, OFFSET, TO_FLS, Kind, Message, Swarm, To
+from swarmer.messages import CHALLENGE_INIT, NO_SWARM, OFFSET, TO_FLS, TO_SWARM, Kind, Message, Swarm, To
 from swarmer.radio import Ears, Grid
 
 BROADCAST = "127.255.255.255"
@@ -52,38 +53,48 @@ def address_of(fid: int) -> str:
 
 
 class UdpWrapper:
-    """One FLS's sockets. `near`: the FIDs nearest to it in ground truth, with their distances, nearest first."""
+    """One FLS's sockets, and the ways out of them."""
 
     def __init__(
-        self, fid: int, count: int, wires: Wires, grid: Grid, near: Sequence[int], distances: Sequence[float]
-    ) -> None:
-        """Raises OSError: the port is taken, or no socket is to be had."""
-        self.fid, self.count, self.wires, self.grid = fid, count, wires, grid
-        self._near = [(address_of(other), wires.port) for other in near]
-        self._distances = list(distances)
-        self._sees_all = len(self._near) >= count - 1
+        self, ears: Ears, directory: MutableSequence[int], wires: Wires, grid: Grid, near: Sequence[int],
+        distances: Sequence[float], ranged: bool = True,
+    ) -> None:  # fmt: skip
+        """directory: (F,), which Swarm-ID each FLS listens to, 0 for none; shared by all. near, distances: the FIDs
+        nearest in ground truth, nearest first, and how far, display cells. ranged: ranges are between points.
+
+        Raises OSError: the port is taken, or no socket is to be had.
+        """
+        self.ears, self.wires = ears, wires
+        self._directory, self._count = directory, len(directory)
+        self._grid, self._ranged = grid, ranged
+        self._near = tuple(near)
+        self._distances = tuple(distances)
+        self._sees_all = len(self._near) >= self._count - 1
         self._everyone = (BROADCAST, wires.port)
-        self.unicast = open_socket(address_of(fid), wires)
-        self.broadcast = open_socket(BROADCAST, wires, shared=True)
-        self.filtered = False
         self._filter: Filter | None = None
+        self.unicast = open_socket(address_of(ears.fid), wires)
+        self.broadcast = open_socket(BROADCAST, wires, shared=True)
+        self.tune(ears)
 
     def close(self) -> None:
+        """Leave the air."""
+        self._directory[self.ears.fid - 1] = 0
         self.unicast.close()
         self.broadcast.close()
 
-    def tune(self, ears: Ears, ranged: bool = True) -> None:
-        """Let the kernel pass only what these ears may take. ranged: it may judge a challenge's range too."""
+    def tune(self, ears: Ears) -> None:
+        """Listen as `ears` from now on; the kernel passes only what they may take."""
+        self.ears = ears
+        self._directory[ears.fid - 1] = ears.swarm.xi
         if not self.wires.kernel_filter:
             return
-        if self._filter is None or not self._filter.fits(ears, ranged):
-            self._filter = Filter(ears, self.grid, ranged)
+        if self._filter is None or not self._filter.fits(ears):
+            self._filter = Filter(ears, self._grid, self._ranged)
         try:
             self._filter.patch(ears.swarm)
             # Challenges to a few come by unicast, and those from the own swarm should wake nobody either.
             self._filter.attach(self.broadcast)
             self._filter.attach(self.unicast)
-            self.filtered = True
         except OSError:  # a kernel without filters: the same rules run in Python, where they run anyway
             self.wires = self.wires._replace(kernel_filter=False)
 
@@ -92,33 +103,66 @@ class UdpWrapper:
         try:
             if message.to == TO_FLS:
                 self.unicast.sendto(data, (address_of(message.addressee.xi), self.wires.port))
+                return True
+            few = self._few(message)
+            if few is None:
+                self.unicast.sendto(data, self._everyone)
             else:
-                self._send_to_many(data, message)
-        except (BlockingIOError, ConnectionRefusedError):
-            return False
+                port, send = self.wires.port, self.unicast.sendto
+                for fid in few:
+                    send(data, (address_of(fid), port))
         except OSError as error:
-            if error.errno not in _NO_ROOM:
+            if error.errno not in NO_ROOM:
                 raise
             return False
         return True
 
-    def _send_to_many(self, data: bytes, message: Message) -> None:
+    def _few(self, message: Message) -> Sequence[int] | None:
+        """The addressees, if they are few enough for a datagram each; None: broadcast.
+
+        The directory is the air's knowledge, not the sender's: it picks the cheaper carrier, and who is reached by
+        either is the same, for a filter and the directory change together.
+        """
         carrier = self.wires.carrier
-        if carrier == "auto" and message.kind == CHALLENGE_INIT:
-            within = bisect_right(self._distances, message.range)
-            if within <= self.wires.unicast_max and (within < len(self._near) or self._sees_all):
-                for address in self._near[:within]:
-                    self.unicast.sendto(data, address)
-                return
+        if carrier == "broadcast":
+            return None
+        if message.to == TO_SWARM:
+            most = self._count if carrier == "unicast" else self.wires.unicast_max
+            return self._members(message.addressee.xi, most)
         if carrier == "unicast":
-            for other in range(1, self.count + 1):
-                if other != self.fid:
-                    self.unicast.sendto(data, (address_of(other), self.wires.port))
-            return
-        self.unicast.sendto(data, self._everyone)
+            return [fid for fid in range(1, self._count + 1) if fid != self.ears.fid]
+        if message.kind == CHALLENGE_INIT and self._ranged:
+            return self._in_range(message)
+        return None
+
+    def _members(self, xi: int, most: int) -> list[int] | None:
+        """Who listens to a Swarm-ID, this FLS left out; None if more than `most`."""
+        me, found = self.ears.fid, []
+        wanted, data = struct.pack("=I", xi), bytes(self._directory)  # type: ignore[call-overload]
+        at = data.find(wanted)
+        while at >= 0:
+            if at % 4 == 0 and (fid := at // 4 + 1) != me:
+                found.append(fid)
+                if len(found) > most:
+                    return None
+            at = data.find(wanted, at + 1)
+        return found
+
+    def _in_range(self, message: Message) -> list[int] | None:
+        """Whom a challenge reaches: in range, on the air, and not of the own swarm but for planned neighbours."""
+        within = bisect_right(self._distances, message.range)
+        if within >= len(self._near) and not self._sees_all:
+            return None
+        directory, own, neighbours = self._directory, message.swarm.xi, self.ears.neighbours
+        few = [
+            fid
+            for fid in self._near[:within]
+            if (xi := directory[fid - 1]) and (xi != own or fid in neighbours)
+        ]
+        return few if len(few) <= self.wires.unicast_max else None
 
 
-_NO_ROOM = frozenset((12, 105, 11))  # ENOMEM, ENOBUFS, EAGAIN
+NO_ROOM = frozenset((errno.ENOMEM, errno.ENOBUFS, errno.EAGAIN, errno.ECONNREFUSED, errno.EPERM))
 
 
 def open_socket(address: str, wires: Wires, shared: bool = False) -> socket.socket:
@@ -157,16 +201,17 @@ class Filter:
     """A program for one FLS that stays as it is but for the Swarm-ID, which is patched in: merges come in bursts."""
 
     def __init__(self, ears: Ears, grid: Grid, ranged: bool) -> None:
-        self._for = (ears, ranged)
+        self._for = ears
         program, self._xi_at, self._incarnation_at = filter_program(ears, grid, ranged)
         self._buffer = ctypes.create_string_buffer(program, len(program))
         self._fprog = struct.pack("HL", len(program) // 8, ctypes.addressof(self._buffer))
 
-    def fits(self, ears: Ears, ranged: bool) -> bool:
+    def fits(self, ears: Ears) -> bool:
         """True if the program differs at most in the Swarm-ID; one for the dark has no place for it."""
-        mine, mine_ranged = self._for
-        lit = (mine.swarm != NO_SWARM) == (ears.swarm != NO_SWARM)
-        return lit and ranged == mine_ranged and ears._replace(swarm=mine.swarm) == mine
+        mine = self._for
+        return (mine.swarm == NO_SWARM) == (ears.swarm == NO_SWARM) and ears._replace(
+            swarm=mine.swarm
+        ) == mine
 
     def attach(self, sock: socket.socket) -> None:
         """Put the filter on a socket, in place of the one it has. Raises OSError."""

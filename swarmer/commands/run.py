@@ -33,13 +33,17 @@ INTERRUPTED = 130
 @click.option("--points", metavar="N", help="Sample exactly N points of the shape.")
 @click.option("--engine", metavar="NAME", help="What runs the FLSs: process (one OS process each, over UDP). [default: process]")  # fmt: skip
 @click.option("--time-scale", metavar="X|auto", help="Emulated seconds per wall second, 0.001 to 10; auto is as fast as this machine stays faithful, at most 1. [default: auto]")  # fmt: skip
-@click.option("--config", metavar="FILE", help="Settings: a YAML file, or a preset: default, paper, authors_code.")
+@click.option(
+    "--config", metavar="FILE", help="Settings: a YAML file, or a preset: default, paper, authors_code."
+)
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Set any setting, as radio.loss=0.1; may be repeated.")  # fmt: skip
 @click.option("--dedupe", is_flag=True, help="Drop points that the shape has twice instead of refusing it.")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="The run directory itself. [default: runs/SHAPE-TIME-SEED]")  # fmt: skip
 @click.option("--live", is_flag=True, help="Open the rerun viewer while it runs.")
 @click.option("--no-recording", is_flag=True, help="Do not write recording.rrd.")
-@click.option("--json", "as_json", is_flag=True, help="Print the summary on stdout instead of the run directory.")
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print the summary on stdout instead of the run directory."
+)
 def command(
     config: str | None,
     overrides: tuple[str, ...],

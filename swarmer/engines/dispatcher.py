@@ -188,8 +188,14 @@ def warm_up(run: RunSpec, spec: FlsSpec) -> None:
             race.judge(received, machine, machine.beliefs.neighbours, True)
             for action in machine.handle(Received(received), float(number)):
                 if isinstance(action, Fly):
-                    flown = MODELS[run.rules.dead_reckoning](action.vector, 0.1, run.rules.dim, stream(0, "flight"))
-                    position_at(plan_flight(spec.truth, flown, 0.0, make_velocity(run.rules)), 0.1, make_velocity(run.rules))
+                    flown = MODELS[run.rules.dead_reckoning](
+                        action.vector, 0.1, run.rules.dim, stream(0, "flight")
+                    )
+                    position_at(
+                        plan_flight(spec.truth, flown, 0.0, make_velocity(run.rules)),
+                        0.1,
+                        make_velocity(run.rules),
+                    )
                     machine.handle(Landed(), float(number))
         machine.handle(Due(Timer.CHALLENGE), float(number))
 
@@ -205,7 +211,9 @@ def scenes(machine: StateMachine, spec: FlsSpec) -> list[Message]:
         base._replace(kind=Kind.SET_AVAILABLE, to=To.SWARM, addressee=mine),
         base._replace(kind=Kind.NEIGHBOUR, to=To.FLS, addressee=Swarm(spec.fid, 0)),
         base._replace(kind=Kind.CHALLENGE_ACCEPT, to=To.FLS, addressee=Swarm(spec.fid, 0)),
-        base._replace(kind=Kind.FOLLOW_MERGE, to=To.SWARM, addressee=mine, other=mine, vector=(1.0, 1.0, 1.0)),
+        base._replace(
+            kind=Kind.FOLLOW_MERGE, to=To.SWARM, addressee=mine, other=mine, vector=(1.0, 1.0, 1.0)
+        ),
     ]
 
 

@@ -126,7 +126,10 @@ class Governor:
         if not self.auto or late is None or since < SETTLE_S:
             return self.scale
         if late > CALM * self.bound_ms:
-            self._change(self.scale * max(CALM * self.bound_ms / late, STEEPEST), f"messages or timers {late:.0f} ms late")
+            self._change(
+                self.scale * max(CALM * self.bound_ms / late, STEEPEST),
+                f"messages or timers {late:.0f} ms late",
+            )
         elif late < IDLE * self.bound_ms and self.scale < 1.0 and since > PATIENCE_S:
             self._change(min(1.0, self.scale * UP), f"only {late:.0f} ms late")
         return self.scale

@@ -24,14 +24,21 @@ def check_limits(count: int) -> None:
     if not sys.platform.startswith("linux"):
         raise BadInput("engine", "process", "it needs Linux; this system is " + sys.platform)
     if count > LARGEST_FID:
-        raise BadInput("points", count, f"at most {LARGEST_FID} FLSs have an address on the loopback interface")
+        raise BadInput(
+            "points", count, f"at most {LARGEST_FID} FLSs have an address on the loopback interface"
+        )
     _raise_soft(resource.RLIMIT_NPROC, count + PROCESSES_OWN, count, "processes", "ulimit -u")
-    for path, name in (("/proc/sys/kernel/threads-max", "kernel.threads-max"), ("/proc/sys/kernel/pid_max", "kernel.pid_max")):
+    for path, name in (
+        ("/proc/sys/kernel/threads-max", "kernel.threads-max"),
+        ("/proc/sys/kernel/pid_max", "kernel.pid_max"),
+    ):
         _check_kernel(path, name, count)
     free = available_mb()
     if free is not None and count * MEMORY_MB_PER_FLS > free:
         raise BadInput(
-            "points", count, f"at most {int(free / MEMORY_MB_PER_FLS)} FLSs fit into the {free:.0f} MB of free memory"
+            "points",
+            count,
+            f"at most {int(free / MEMORY_MB_PER_FLS)} FLSs fit into the {free:.0f} MB of free memory",
         )
 
 
@@ -40,7 +47,11 @@ def _raise_soft(limit: int, needed: int, count: int, what: str, how: str) -> Non
     if soft == resource.RLIM_INFINITY or soft >= needed:
         return
     if hard != resource.RLIM_INFINITY and hard < needed:
-        raise BadInput("points", count, f"the hard limit on {what} is {hard}, {needed} are needed; raise it with `{how} {needed}`")
+        raise BadInput(
+            "points",
+            count,
+            f"the hard limit on {what} is {hard}, {needed} are needed; raise it with `{how} {needed}`",
+        )
     resource.setrlimit(limit, (needed, hard))
 
 
@@ -48,7 +59,9 @@ def _check_kernel(path: str, name: str, count: int) -> None:
     with contextlib.suppress(OSError, ValueError):
         allowed = int(Path(path).read_text())
         if allowed < count + 100:
-            raise BadInput("points", count, f"{name} is {allowed}; raise it with `sysctl {name}={count + 1000}`")
+            raise BadInput(
+                "points", count, f"{name} is {allowed}; raise it with `sysctl {name}={count + 1000}`"
+            )
 
 
 def available_mb() -> float | None:

@@ -24,8 +24,8 @@ from swarmer.engines.result import Event, Live, Observer, RunResult, Snapshot
 from swarmer.errors import BadInput, RunFailed
 from swarmer.fls_process import RunSpec
 from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Kind, Message, Stamp, To, encode
-from swarmer.plan import as_data
 from swarmer.physics.flight import Velocity
+from swarmer.plan import as_data
 from swarmer.protocol.events import Count
 from swarmer.radio import Grid
 from swarmer.telemetry import Clock, Life, Phase, Reader, Sample, SharedMemory, Wire
@@ -102,7 +102,9 @@ class _Run:
         began = time.monotonic()
         process, control = self._start_dispatcher()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            with contextlib.suppress(ValueError, RuntimeError):  # not in the main thread: the caller's business
+            with contextlib.suppress(
+                ValueError, RuntimeError
+            ):  # not in the main thread: the caller's business
                 asyncio.get_running_loop().add_signal_handler(number, self._interrupt)
         listener: asyncio.Task[None] | None = None
         try:
@@ -232,7 +234,9 @@ class _Run:
             if kind == "ended":
                 return
             if kind == "fork_failed":
-                self._fail(f"only {event['running']} of {self.count} processes could be started: {event['text']}")
+                self._fail(
+                    f"only {event['running']} of {self.count} processes could be started: {event['text']}"
+                )
             else:
                 self._happened(kind, event)
         if not self.stopping.is_set() and self.clock.phase != Phase.STOP:
@@ -249,7 +253,9 @@ class _Run:
             text = "went dark" if kind == "failed" else "left to charge"
         self.observer.event(Event(t_s, _EVENT_NAMES[kind], fid, text))
         if kind == "died" and self.events["died"] > max(3, CRASHES_MAX * self.count):
-            self._fail(f"{self.events['died']} FLS processes died unexpectedly, the last with status {event['code']}")
+            self._fail(
+                f"{self.events['died']} FLS processes died unexpectedly, the last with status {event['code']}"
+            )
 
     # -- looking ---------------------------------------------------------------------------------------------------
 
@@ -346,7 +352,9 @@ class _Run:
     def _report_thaws(self, sample: Sample) -> None:
         if self.config.thaw.policy == "centralized":
             return
-        thaws = int(sample.epoch.max()) if self.plan.rules.epochs else int(sample.counters[Count.THAWS_STARTED])
+        thaws = (
+            int(sample.epoch.max()) if self.plan.rules.epochs else int(sample.counters[Count.THAWS_STARTED])
+        )
         if thaws > self._thaws_seen:
             self._thaws_seen = thaws
             self.observer.event(Event(sample.t_s, "thaw", 0, f"thaw {thaws} began"))
@@ -409,9 +417,9 @@ _EVENT_NAMES = {"failed": "failure", "departed": "departure", "died": "crash", "
 
 def fls_specs(plan: Plan) -> list[list[Any]]:
     """One `FlsSpec` per FLS as JSON takes it, FID 1 first."""
-    from swarmer.shapes.neighbours import nearest_table
-
     import numpy as np
+
+    from swarmer.shapes.neighbours import nearest_table
 
     near, distances = nearest_table(plan.cloud.points, min(NEAR_MAX, plan.size - 1))
     origins = _origins(plan)
@@ -455,4 +463,3 @@ def kernel_drops(port: int) -> int:
             if len(fields) > 12 and fields[1].endswith(wanted) and fields[1] != broadcast:
                 drops += int(fields[-1])
     return drops
-

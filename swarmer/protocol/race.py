@@ -86,7 +86,9 @@ def can_pair(message: Message, state: Published) -> bool:
     return state.available or state.anchoring
 
 
-def answer(message: Message, kind: Kind, state: Published, fid: int, incarnation: int, truth: Vec3) -> Message:
+def answer(
+    message: Message, kind: Kind, state: Published, fid: int, incarnation: int, truth: Vec3
+) -> Message:
     """The reply that `judge` asked for, from this FLS to the sender of `message`."""
     return Message(
         kind, fid, incarnation, state.epoch, state.swarm, state.size, truth, TO_FLS, Swarm(message.sender, 0),

@@ -133,7 +133,9 @@ class World:
         if verdict.note:
             self.feed(fid, body, Received(message, noted=True))
         if verdict.reply is not None:
-            self.perform(fid, body, [Send(race.answer(message, verdict.reply, m, fid, m.incarnation, m.truth))], None)
+            self.perform(
+                fid, body, [Send(race.answer(message, verdict.reply, m, fid, m.incarnation, m.truth))], None
+            )
         if verdict.queue:
             self.handled += 1
             self.feed(fid, body, Received(message), stamp)
@@ -189,7 +191,11 @@ class World:
             receivers = range(1, self.plan.size + 1)
         for sender_delay in fate(self.sender_rules, self.air):
             for other in receivers:
-                if other == fid or other not in self.bodies or frozenset((fid, other)) in self.dark_until_heal:
+                if (
+                    other == fid
+                    or other not in self.bodies
+                    or frozenset((fid, other)) in self.dark_until_heal
+                ):
                     continue
                 target = self.bodies[other]
                 if heard(message, stamp, self.ears(target), self.plan.size) is not None:
