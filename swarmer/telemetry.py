@@ -240,6 +240,13 @@ class Reader:
         """(F,): how far each process has got."""
         return self._slots["life"].copy()
 
+    def lateness(self) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
+        """Timers' and messages' lateness summed over all FLSs, (BUCKETS,) each, and the newest epoch."""
+        np = self._np
+        slots = self._slots
+        timer = slots["timer_late"].sum(axis=0, dtype=np.int64)
+        return timer, slots["handled_late"].sum(axis=0, dtype=np.int64), int(slots["epoch"].max())
+
     def sample(self) -> Sample:
         """One look. The moment is that of the copy; every row is whole."""
         np = self._np

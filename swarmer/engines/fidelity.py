@@ -19,26 +19,34 @@ if TYPE_CHECKING:
 
     from swarmer.telemetry import Sample
 
+    Histogram = NDArray[np.int64]
+
 RECENT_S = 5.0  # wall seconds that the live figures look back
-SECOND_S = 1.0  # wall seconds that the governor looks back
 ROUND = 0.05  # suggested time scales are rounded down to this
 
-ENOUGH = 50  # counts from which a p99 is worth acting on
+# The governor. Shares are of the bound; seconds are wall.
+LOOK_S = 0.05  # from look to look
+WINDOW_S = 0.4  # how far a look sees back
+ENOUGH = 30  # counts from which a p99 is worth acting on
 SLOWEST = 0.02
-CALM = 0.7  # share of the bound that lateness may take
-IDLE = 0.35  # below this share there is room to go faster
+CALM = 0.8  # more lateness than this: slower
+IDLE = 0.4  # less than this: there is room to go faster
 BURSTS = 2.0  # a swarm's message is more work than the rehearsal's wake-up
-STEEPEST = 0.4  # one step down at most to this share
-UP = 1.2  # one step up
-SETTLE_S = 0.6  # wall seconds until a change shows
-PATIENCE_S = 3.0  # wall seconds between a change and a step up
+STEEPEST = 0.6  # one step down is at most to this share
+UP = 1.4  # one step up; everybody must be woken for it, so the steps are few
+SETTLE_S = 0.35  # from a change to a step down
+PATIENCE_S = 0.8  # from a change to a step up
+RELEASE = 1.15  # a brake that was too strong is loosened by this
+BRAKE = 0.7  # where braking for a thaw begins to learn
+LANDED_S = 1.0  # emulated: by then about half of a display has landed
+BUSY_S = 2.0  # emulated: how long a thaw keeps all busy
 
 
 class Tally:
     """Adds up what the FLSs count: over the whole run, and over the last seconds."""
 
     def __init__(self) -> None:
-        self._marks: deque[tuple[float, NDArray[np.int64], NDArray[np.int64]]] = deque()
+        self._marks: deque[tuple[float, Histogram, Histogram]] = deque()
         self._before: tuple[Any, Any] = (0, 0)
 
     def start(self) -> None:
@@ -68,16 +76,6 @@ class Tally:
     def recent_handled(self) -> Lateness | None:
         return _lateness(self._marks[-1][2] - self._marks[0][2]) if self._marks else None
 
-    def last_second_ms(self) -> float | None:
-        """The larger p99 of the last second; None while too little was counted to tell."""
-        if not self._marks:
-            return None
-        now, timer, handled = self._marks[-1]
-        past = next((mark for mark in reversed(self._marks) if mark[0] <= now - SECOND_S), self._marks[0])
-        windows = [(timer - past[1]), (handled - past[2])]
-        known = [late.p99 for counts in windows if counts.sum() >= ENOUGH and (late := _lateness(counts))]
-        return max(known, default=None)
-
     def faithful(self, lease_ms: float) -> bool | None:
         """Both p99 of the whole run within half a lease; None while nothing was counted."""
         worst = self.worst_ms()
@@ -101,7 +99,8 @@ class Tally:
 class Governor:
     """Chooses the time scale: a fixed one, or as fast as this machine stays faithful, at most 1.
 
-    `auto` begins at what the rehearsal promises, goes down at once when lateness nears the bound, and up slowly.
+    `auto` begins at what the rehearsal promises, goes down as soon as lateness nears the bound, and up when it is small.
+    A thaw sends all FLSs off at once, so it brakes for one before it is late, by as much as the last ones needed.
     """
 
     def __init__(self, wanted: float | str, lease_ms: float) -> None:
@@ -109,34 +108,62 @@ class Governor:
         self.scale = 1.0 if isinstance(wanted, str) else float(wanted)
         self.bound_ms = lease_ms / 2
         self.reason = ""
-        self._changed_wall = time.monotonic()
+        self._brake = BRAKE
+        self._thaws = 0
+        self._thawed_s = LANDED_S  # landing is as busy as a thaw
+        self._braking = True  # a thaw's busy time is on, and we see how that goes
+        self._worst_ms = 0.0  # since the last thaw
+        self._changed = 0.0
+        self._marks: deque[tuple[float, Histogram, Histogram]] = deque()
 
     def rehearsed(self, wake_ms: float) -> None:
         """Begin as fast as the rehearsal allows: every FLS was woken at once, and the last took `wake_ms` (p99)."""
-        if self.auto:
-            allowed = CALM * self.bound_ms / max(BURSTS * wake_ms, 1e-3)
-            self.scale = min(1.0, max(SLOWEST, allowed))
-            self.reason = f"waking all took {wake_ms:.0f} ms"
-        self._changed_wall = time.monotonic()
+        allowed = CALM * self.bound_ms / max(BURSTS * wake_ms, 1e-3)
+        self._brake = min(BRAKE, max(SLOWEST, allowed))
+        self.scale = self._brake
+        self.reason = f"waking all took {wake_ms:.0f} ms"
 
-    def judge(self, tally: Tally) -> float:
-        """The time scale from now on, from the lateness of the last second."""
-        late = tally.last_second_ms()
-        since = time.monotonic() - self._changed_wall
-        if not self.auto or late is None or since < SETTLE_S:
-            return self.scale
-        if late > CALM * self.bound_ms:
-            self._change(
-                self.scale * max(CALM * self.bound_ms / late, STEEPEST),
-                f"messages or timers {late:.0f} ms late",
-            )
+    def judge(self, timer: Histogram, handled: Histogram, thaws: int, t_s: float, wall: float) -> float:
+        """The time scale from now on.
+
+        timer, handled: lateness counted so far. thaws: how many there were. t_s, wall: now, emulated and monotonic.
+        """
+        late = self._late_ms(timer, handled, wall)
+        since = wall - self._changed
+        self._learn(late, t_s)
+        if thaws > self._thaws:
+            self._thaws, self._thawed_s, self._worst_ms, self._braking = thaws, t_s, 0.0, True
+            if self.scale > self._brake:
+                self._change(self._brake, "a thaw", wall)
+        elif late > CALM * self.bound_ms and since > SETTLE_S:
+            self._change(self.scale * max(CALM * self.bound_ms / late, STEEPEST), f"{late:.0f} ms late", wall)
         elif late < IDLE * self.bound_ms and self.scale < 1.0 and since > PATIENCE_S:
-            self._change(min(1.0, self.scale * UP), f"only {late:.0f} ms late")
+            if t_s - self._thawed_s > BUSY_S or self.scale < self._brake:
+                self._change(min(1.0, self.scale * UP), f"only {late:.0f} ms late", wall)
         return self.scale
 
-    def _change(self, scale: float, reason: str) -> None:
-        self.scale, self.reason = max(SLOWEST, scale), reason
-        self._changed_wall = time.monotonic()
+    def _learn(self, late: float, t_s: float) -> None:
+        """Once a thaw's busy time is over: was braking too weak, or too strong?"""
+        self._worst_ms = max(self._worst_ms, late)
+        if self._braking and t_s - self._thawed_s > BUSY_S:
+            self._braking = False
+            share = self._worst_ms / self.bound_ms
+            if share > CALM:
+                self._brake = max(SLOWEST, self._brake * max(CALM / share, STEEPEST))
+            elif share < IDLE:
+                self._brake = min(1.0, self._brake * RELEASE)
+
+    def _late_ms(self, timer: Histogram, handled: Histogram, wall: float) -> float:
+        """The larger p99 of the window; 0 while too little happened to be late."""
+        self._marks.append((wall, timer, handled))
+        while len(self._marks) > 2 and self._marks[1][0] <= wall - WINDOW_S:
+            self._marks.popleft()
+        windows = (timer - self._marks[0][1], handled - self._marks[0][2])
+        known = [late.p99 for counts in windows if counts.sum() >= ENOUGH and (late := _lateness(counts))]
+        return max(known, default=0.0)
+
+    def _change(self, scale: float, reason: str, wall: float) -> None:
+        self.scale, self.reason, self._changed = max(SLOWEST, scale), reason, wall
 
 
 def _lateness(counts: NDArray[np.int64]) -> Lateness | None:

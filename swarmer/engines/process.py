@@ -18,7 +18,7 @@ import sys
 import time
 from typing import TYPE_CHECKING, Any, Self
 
-from swarmer.engines.fidelity import Governor, Tally
+from swarmer.engines.fidelity import LOOK_S, Governor, Tally
 from swarmer.engines.limits import check_limits, children_of, private_mb
 from swarmer.engines.result import Event, Live, Observer, RunResult, Snapshot
 from swarmer.errors import BadInput, RunFailed
@@ -182,6 +182,13 @@ class _Run:
         self._went_wall = time.monotonic()
         self.wake_all()
         self.observer.go(self.result.launch_s or 0.0)
+        governing = asyncio.create_task(self._govern())
+        try:
+            await self._watch()
+        finally:
+            governing.cancel()
+
+    async def _watch(self) -> None:
         period = 1.0 / self.config.recording.rate_hz
         due = 0.0
         while not self.stopping.is_set():
@@ -263,15 +270,23 @@ class _Run:
         sample = self.reader.sample()
         self._thaw_if_centralized(sample)
         self._report_thaws(sample)
-        scale = self.governor.judge(self.tally.add(sample))
-        if scale != self.clock.scale:
-            faster = scale > self.clock.scale
-            self.clock.set(Phase.GO, scale)
-            if faster:  # those who wait must wait less long; for slower they wake early, look, and wait on
-                self.wake_all()
-            self.observer.event(Event(sample.t_s, "time_scale", 0, f"{scale:.2f}: {self.governor.reason}"))
+        self.tally.add(sample)
         self.result.emulated_s = sample.t_s
         return self.observer.sample(self._snapshot(sample))
+
+    async def _govern(self) -> None:
+        """Keep the time scale where this machine stays faithful."""
+        while self.governor.auto:
+            await asyncio.sleep(LOOK_S)
+            now = self.clock.now()
+            timer, handled, epoch = self.reader.lateness()
+            scale = self.governor.judge(timer, handled, epoch, now, time.monotonic())
+            if scale != self.clock.scale and self.clock.phase == Phase.GO:
+                faster = scale > self.clock.scale
+                self.clock.set(Phase.GO, scale)
+                if faster:  # those who wait must wait less long; for slower they wake early, look, and wait on
+                    self.wake_all()
+                self.observer.event(Event(now, "time_scale", 0, f"{scale:.2f}: {self.governor.reason}"))
 
     def _snapshot(self, sample: Sample) -> Snapshot:
         alive = sample.life == Life.READY
