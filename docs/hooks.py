@@ -1,7 +1,9 @@
-"""Called by mkdocs: makes the page of the commands from the commands themselves."""
+"""Called by mkdocs: the page of the commands from the commands themselves, the protocol's table from the code."""
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Any
 
 import click
@@ -9,11 +11,29 @@ from mkdocs.structure.files import File, Files
 
 from swarmer import cli
 
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+import protocol_table
+
+# What a page may hold in a line of its own, and who makes what stands there instead.
+GENERATED = {
+    "<!-- protocol: picture -->": protocol_table.picture_svg,
+    "<!-- protocol: table -->": protocol_table.table_html,
+    "<!-- protocol: rules -->": protocol_table.rules_html,
+}
+
 
 def on_files(files: Files, config: Any) -> Files:
     """Add `reference/commands.md` to the pages."""
     files.append(File.generated(config, "reference/commands.md", content=commands_page()))
     return files
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Put what is generated where a page asks for it."""
+    for mark, make in GENERATED.items():
+        if mark in markdown:
+            markdown = markdown.replace(mark, make())
+    return markdown
 
 
 def commands_page() -> str:

@@ -23,25 +23,15 @@ import time
 import traceback
 from typing import Any
 
+from swarmer.engines.specs import fls_spec, run_spec
+from swarmer.engines.warm_up import warm_up
 from swarmer.fls_loops import LOOPS
 from swarmer.fls_process import DEPARTED_EXIT, FAILED_EXIT, Fls, FlsSpec, RunSpec
-from swarmer.messages import Kind, Message, Stamp, Swarm, To, decode, encode
-from swarmer.physics.dead_reckoning import MODELS
-from swarmer.physics.flight import plan_flight, position_at
-from swarmer.plan import from_data, make_machine, make_velocity
-from swarmer.protocol import race
-from swarmer.protocol.events import Due, Fly, Landed, Launch, Received, Timer
-from swarmer.radio import Ears, ReplayWindow, heard
-from swarmer.state_machine import Identity, StateMachine
-from swarmer.streams import stream
 from swarmer.telemetry import Clock, Life, Phase, SharedMemory, Slot
-from swarmer.udp_wrapper import Wires
 
 PR_SET_PDEATHSIG = 1
 STOP_GRACE_S = 2.0  # an FLS that has not ended by itself after this is killed
 FORKS_AT_ONCE = 16  # then the control socket is looked at
-LINE_MAX = 1 << 28
-WARM_UP_ROUNDS = 20
 
 
 class Dispatcher:
@@ -49,8 +39,8 @@ class Dispatcher:
 
     def __init__(self, control: socket.socket, memory_fd: int) -> None:
         self.control = control
-        self._reader = control.makefile("rb")
-        setup = json.loads(self._reader.readline(LINE_MAX))
+        self._unread = b""
+        setup = json.loads(self._line())
         self.run = run_spec(setup["run"])
         self.specs = {spec.fid: spec for spec in map(fls_spec, setup["fls"])}
         self.replace: bool = setup["replace"]
@@ -79,6 +69,8 @@ class Dispatcher:
                 for _ in range(min(FORKS_AT_ONCE, len(waiting))):
                     if not self._launch(waiting.pop()):
                         return
+                if b"\n" in self._unread and not self._command():
+                    return
                 for key, _ in selector.select(0 if waiting else None):
                     if key.data == "child":
                         os.read(self._wake_r, 65536)
@@ -86,8 +78,22 @@ class Dispatcher:
                     elif not self._command():
                         return
 
+    def _line(self) -> bytes:
+        """The next line from the engine; empty if the engine is gone."""
+        parts = [self._unread]
+        while b"\n" not in parts[-1]:
+            try:
+                parts.append(self.control.recv(1 << 20))
+            except ConnectionError:
+                return b""
+            if not parts[-1]:
+                return b""
+        line, _, self._unread = b"".join(parts).partition(b"\n")
+        return line
+
     def _command(self) -> bool:
-        line = self._reader.readline()
+        """Obey one line; False: end."""
+        line = self._line()
         return bool(line) and json.loads(line).get("command") != "stop"
 
     def _launch(self, spec: FlsSpec) -> bool:
@@ -166,57 +172,6 @@ class Dispatcher:
             pass
 
 
-def warm_up(run: RunSpec, spec: FlsSpec) -> None:
-    """Live through a short life that nobody sees, before the real one.
-
-    In the dispatcher: the interpreter specialises the code once, for all who are forked later. In an FLS: pages that will
-    be written to are copied now; a first challenge costs ten times a later one, and 760 of them come together.
-    """
-    machine = make_machine(
-        run.rules, Identity(spec.fid, 0, spec.truth), spec.neighbours, spec.reach, stream(0, "warm-up")
-    )
-    ears = Ears(run.run, spec.fid, Swarm(spec.fid, 0), spec.truth, machine.beliefs.neighbours)
-    window = ReplayWindow()
-    machine.handle(Launch(spec.origin), 0.0)
-    machine.handle(Landed(), 1.0)
-    for number in range(1, WARM_UP_ROUNDS + 1):
-        for message in scenes(machine, spec):
-            data = encode(message, Stamp(run.run, number, spec.truth, 1.0), run.key)
-            received, stamp = decode(data, run.key)
-            heard(received, stamp, ears, run.rules.count)
-            window.fresh(received.sender, 0, number)
-            race.judge(received, machine, machine.beliefs.neighbours, True)
-            for action in machine.handle(Received(received), float(number)):
-                if isinstance(action, Fly):
-                    flown = MODELS[run.rules.dead_reckoning](
-                        action.vector, 0.1, run.rules.dim, stream(0, "flight")
-                    )
-                    position_at(
-                        plan_flight(spec.truth, flown, 0.0, make_velocity(run.rules)),
-                        0.1,
-                        make_velocity(run.rules),
-                    )
-                    machine.handle(Landed(), float(number))
-        machine.handle(Due(Timer.CHALLENGE), float(number))
-
-
-def scenes(machine: StateMachine, spec: FlsSpec) -> list[Message]:
-    """What an FLS hears most."""
-    other = spec.fid % 1000 + 1
-    mine, theirs = machine.swarm, Swarm(other, 0)
-    base = Message(Kind.CHALLENGE_INIT, other, 0, 0, theirs, 1, spec.truth, To.ALL, challenge=1)
-    return [
-        base,
-        base._replace(kind=Kind.SET_WAITING, to=To.SWARM, addressee=mine),
-        base._replace(kind=Kind.SET_AVAILABLE, to=To.SWARM, addressee=mine),
-        base._replace(kind=Kind.NEIGHBOUR, to=To.FLS, addressee=Swarm(spec.fid, 0)),
-        base._replace(kind=Kind.CHALLENGE_ACCEPT, to=To.FLS, addressee=Swarm(spec.fid, 0)),
-        base._replace(
-            kind=Kind.FOLLOW_MERGE, to=To.SWARM, addressee=mine, other=mine, vector=(1.0, 1.0, 1.0)
-        ),
-    ]
-
-
 def run_fls(run: RunSpec, spec: FlsSpec, shared: SharedMemory) -> int:
     """Be one FLS until the run, or its life, ends; its exit status."""
     fls = Fls(run, spec, shared)
@@ -234,22 +189,6 @@ def settle(cpus: tuple[int, ...], fid: int) -> None:
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
     except OSError:  # only for speed
         pass
-
-
-def run_spec(data: dict[str, Any]) -> RunSpec:
-    return RunSpec(
-        **{
-            **data,
-            "key": bytes.fromhex(data["key"]),
-            "rules": from_data(data["rules"]),
-            "wires": Wires(**data["wires"]),
-            "cpus": tuple(data["cpus"]),
-        }
-    )
-
-
-def fls_spec(data: list[Any]) -> FlsSpec:
-    return FlsSpec(*(tuple(value) if isinstance(value, list) else value for value in data))
 
 
 def main() -> None:

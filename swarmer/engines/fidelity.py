@@ -31,13 +31,12 @@ ENOUGH = 30  # counts from which a p99 is worth acting on
 SLOWEST = 0.02
 CALM = 0.8  # more lateness than this: slower
 IDLE = 0.4  # less than this: there is room to go faster
-BURSTS = 2.0  # a swarm's message is more work than the rehearsal's wake-up
+BURSTS = 3.5  # what follows a landing or a thaw is so much more work than the rehearsal's wake-up
 STEEPEST = 0.6  # one step down is at most to this share
 UP = 1.4  # one step up; everybody must be woken for it, so the steps are few
 SETTLE_S = 0.35  # from a change to a step down
 PATIENCE_S = 0.8  # from a change to a step up
 RELEASE = 1.15  # a brake that was too strong is loosened by this
-BRAKE = 0.7  # where braking for a thaw begins to learn
 LANDED_S = 1.0  # emulated: by then about half of a display has landed
 BUSY_S = 2.0  # emulated: how long a thaw keeps all busy
 
@@ -108,7 +107,7 @@ class Governor:
         self.scale = 1.0 if isinstance(wanted, str) else float(wanted)
         self.bound_ms = lease_ms / 2
         self.reason = ""
-        self._brake = BRAKE
+        self._brake = 1.0
         self._thaws = 0
         self._thawed_s = LANDED_S  # landing is as busy as a thaw
         self._braking = True  # a thaw's busy time is on, and we see how that goes
@@ -118,8 +117,7 @@ class Governor:
 
     def rehearsed(self, wake_ms: float) -> None:
         """Begin as fast as the rehearsal allows: every FLS was woken at once, and the last took `wake_ms` (p99)."""
-        allowed = CALM * self.bound_ms / max(BURSTS * wake_ms, 1e-3)
-        self._brake = min(BRAKE, max(SLOWEST, allowed))
+        self._brake = min(1.0, max(SLOWEST, CALM * self.bound_ms / max(BURSTS * wake_ms, 1e-3)))
         self.scale = self._brake
         self.reason = f"waking all took {wake_ms:.0f} ms"
 

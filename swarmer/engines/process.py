@@ -20,27 +20,26 @@ from typing import TYPE_CHECKING, Any, Self
 
 from swarmer.engines.fidelity import LOOK_S, Governor, Tally
 from swarmer.engines.limits import check_limits, children_of, private_mb
+from swarmer.engines.reading import counters_of, kernel_drops
 from swarmer.engines.result import Event, Live, Observer, RunResult, Snapshot
+from swarmer.engines.specs import setup
 from swarmer.errors import BadInput, RunFailed
-from swarmer.fls_process import RunSpec
 from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Kind, Message, Stamp, To, encode
 from swarmer.physics.flight import Velocity
-from swarmer.plan import as_data
 from swarmer.protocol.events import Count
-from swarmer.radio import Grid
 from swarmer.telemetry import Clock, Life, Phase, Reader, Sample, SharedMemory, Wire
-from swarmer.udp_wrapper import BROADCAST, Wires, lock_port
+from swarmer.udp_wrapper import BROADCAST, lock_port
 
 if TYPE_CHECKING:
     from swarmer.plan import Plan
 
-NEAR_MAX = 64  # nearest FLSs an FLS can reach by unicast; more go by broadcast
 LAUNCH_PATIENCE_S = 60.0  # without any FLS getting ready
 END_PATIENCE_S = 10.0
 REHEARSALS = 3
 REHEARSED = 0.98  # share of the FLSs that must have been woken before the next round
 REHEARSAL_PATIENCE_S = 2.0
 MEMORY_SAMPLE = 24  # processes whose private memory is read, once
+COMPLAINTS_MAX = 200  # lines of stderr that become events
 CRASHES_MAX = 0.05  # share of FLSs that may die unexpectedly before the run is given up
 
 
@@ -93,7 +92,8 @@ class _Run:
         self._last_thaw_s = 0.0
         self._thaws_seen = 0
         self._went_wall = 0.0
-        self._dispatcher_pid = 0
+        self._process: subprocess.Popen[bytes] | None = None
+        self._complaints = 0
 
     # -- the life of a run ---------------------------------------------------------------------------------------
 
@@ -106,10 +106,11 @@ class _Run:
                 ValueError, RuntimeError
             ):  # not in the main thread: the caller's business
                 asyncio.get_running_loop().add_signal_handler(number, self._interrupt)
-        listener: asyncio.Task[None] | None = None
+        listener = complaints = None
         try:
             reader, writer = await asyncio.open_connection(sock=control, limit=1 << 20)
             listener = asyncio.create_task(self._listen(reader))
+            complaints = asyncio.create_task(self._hear_complaints(process))
             await self._send_setup(writer)
             if await self._all_ready():
                 await self._rehearse()
@@ -122,6 +123,8 @@ class _Run:
             self._kill(process)
             if listener is not None:
                 listener.cancel()
+            if complaints is not None:
+                complaints.cancel()
             self._finish()
         return self.result
 
@@ -133,15 +136,27 @@ class _Run:
                 pass_fds=(theirs.fileno(), self.shared.fd),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
                 start_new_session=True,  # a terminal's Ctrl-C reaches only the engine
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
             )  # fmt: skip
         ours.setblocking(False)
-        self._dispatcher_pid = process.pid
+        self._process = process
         return process, ours
 
+    async def _hear_complaints(self, process: subprocess.Popen[bytes]) -> None:
+        """What the dispatcher and its FLSs write to stderr: a traceback, if one of them has a bug."""
+        pipe = asyncio.StreamReader()
+        protocol = asyncio.StreamReaderProtocol(pipe)
+        await asyncio.get_running_loop().connect_read_pipe(lambda: protocol, process.stderr)
+        while line := await pipe.readline():
+            self._complaints += 1
+            if self._complaints <= COMPLAINTS_MAX:
+                text = line.decode(errors="replace").rstrip()
+                self.observer.event(Event(max(self.clock.now(), 0.0), "stderr", 0, text))
+
     async def _send_setup(self, writer: asyncio.StreamWriter) -> None:
-        writer.write(json.dumps(self._setup()).encode() + b"\n")
+        writer.write(json.dumps(setup(self.plan, self.run_id, self.port, self.key)).encode() + b"\n")
         with contextlib.suppress(ConnectionError):
             await writer.drain()
 
@@ -215,7 +230,7 @@ class _Run:
             writer.write(b'{"command": "stop"}\n')
             await writer.drain()
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(listener, END_PATIENCE_S)
+            await asyncio.wait_for(asyncio.shield(listener), END_PATIENCE_S)
         with contextlib.suppress(subprocess.TimeoutExpired):
             await asyncio.to_thread(process.wait, END_PATIENCE_S)
 
@@ -225,6 +240,9 @@ class _Run:
             process.wait()
 
     def _interrupt(self) -> None:
+        """Ctrl-C ends the run in good order; a second one at once."""
+        if self.result.status == "interrupted" and self._process is not None:
+            self._process.kill()
         self.result.status = "interrupted"
         self.stopping.set()
 
@@ -284,7 +302,9 @@ class _Run:
             if scale != self.clock.scale and self.clock.phase == Phase.GO:
                 faster = scale > self.clock.scale
                 self.clock.set(Phase.GO, scale)
-                if faster:  # those who wait must wait less long; for slower they wake early, look, and wait on
+                if (
+                    faster
+                ):  # those who wait must wait less long; for slower they wake early, look, and wait on
                     self.wake_all()
                 self.observer.event(Event(now, "time_scale", 0, f"{scale:.2f}: {self.governor.reason}"))
 
@@ -304,33 +324,11 @@ class _Run:
         )  # fmt: skip
 
     def _counters(self, sample: Sample) -> dict[str, float]:
-        c = sample.counters
-        return {
-            "datagrams_sent": int(c[Wire.SENT]),
-            "datagrams_delivered": int(c[Wire.DELIVERED]),
-            "datagrams_lost": int(c[Wire.LOST_SENDER] + c[Wire.LOST_RECEIVER]),
-            "bytes_sent": int(c[Wire.BYTES_SENT]),
-            "bytes_delivered": int(c[Wire.BYTES_DELIVERED]),
-            "localizations": int(c[Count.LOCALIZATIONS]),
-            "anchorings": int(c[Count.ANCHORINGS]),
-            "leases_granted": int(c[Count.LEASES_GRANTED]),
-            "leases_expired": int(c[Count.LEASES_EXPIRED]),
+        return counters_of(sample) | {
             "thaws": self._thaws_seen,
-            "thawed_flss": int(c[Count.THAWS_OBEYED]),
-            "joins": int(c[Count.JOINS]),
-            "distance_cells": float(c[Wire.DISTANCE_MICROCELLS]) / 1e6,
-            "flights": int(c[Wire.FLIGHTS]),
             "failures": self.events["failed"] + self.events["died"],
             "departures": self.events["departed"],
             "replacements": self.events["replaced"],
-            "handled": int(c[Count.HANDLED]),
-            "ignored": int(c[Count.IGNORED]),
-            "stale": int(c[Count.STALE]),
-            "answered_at_once": int(c[Wire.ANSWERED_AT_ONCE]),
-            "rejected": int(c[Wire.BAD] + c[Wire.OTHER_RUN]),
-            "not_addressed": int(c[Wire.NOT_ADDRESSED] + c[Wire.OUT_OF_RANGE]),
-            "replayed": int(c[Wire.REPLAYED]),
-            "send_failed": int(c[Wire.SEND_FAILED]),
         }
 
     # -- speaking --------------------------------------------------------------------------------------------------
@@ -374,28 +372,7 @@ class _Run:
             self._thaws_seen = thaws
             self.observer.event(Event(sample.t_s, "thaw", 0, f"thaw {thaws} began"))
 
-    # -- setup and results -----------------------------------------------------------------------------------------
-
-    def _setup(self) -> dict[str, Any]:
-        plan, config = self.plan, self.config
-        cpus = sorted(os.sched_getaffinity(0)) if config.process.pin else []
-        run = RunSpec(
-            run=self.run_id,
-            seed=config.seed,
-            key=self.key,
-            rules=plan.rules,
-            wires=Wires(
-                self.port, config.radio.carrier, config.radio.unicast_max, config.radio.kernel_filter == "auto",
-                config.radio.receive_buffer_kb * 1024,
-            ),
-            steps_per_cell=Grid.for_display(plan.diagonal_cells).steps_per_cell,
-            loop=config.fls_loop,
-            cpus=tuple(cpus),
-        )  # fmt: skip
-        data = run._asdict() | {
-            "key": self.key.hex(), "rules": as_data(plan.rules), "wires": run.wires._asdict(), "cpus": cpus,
-        }  # fmt: skip
-        return {"run": data, "fls": fls_specs(plan), "replace": config.failure.replace}
+    # -- results -----------------------------------------------------------------------------------------
 
     def _measure_end(self) -> None:
         if self.result.launch_s is None:
@@ -411,7 +388,9 @@ class _Run:
 
     def _memory(self) -> float | None:
         """Mean private memory of some of the FLSs, in MB."""
-        pids = children_of(self._dispatcher_pid)
+        if self._process is None:
+            return None
+        pids = children_of(self._process.pid)
         step = max(1, len(pids) // MEMORY_SAMPLE)
         sizes = [size for pid in pids[::step] if (size := private_mb(pid)) is not None]
         return sum(sizes) / len(sizes) if sizes else None
@@ -428,53 +407,3 @@ class _Run:
 
 
 _EVENT_NAMES = {"failed": "failure", "departed": "departure", "died": "crash", "replaced": "replacement"}
-
-
-def fls_specs(plan: Plan) -> list[list[Any]]:
-    """One `FlsSpec` per FLS as JSON takes it, FID 1 first."""
-    import numpy as np
-
-    from swarmer.shapes.neighbours import nearest_table
-
-    near, distances = nearest_table(plan.cloud.points, min(NEAR_MAX, plan.size - 1))
-    origins = _origins(plan)
-    stations = np.array(plan.config.deploy.dispatchers)
-    launched = [0] * len(stations)
-    specs = []
-    for row, point in enumerate(plan.cloud.points.tolist()):
-        station = int(np.argmin(((stations - point) ** 2).sum(axis=1)))
-        rate = plan.config.deploy.rate_per_s
-        launch_at = launched[station] / rate if rate else 0.0
-        launched[station] += 1
-        specs.append(
-            [
-                row + 1, 0, point, plan.neighbours.neighbours[row], float(plan.neighbours.reach_cells[row]),
-                near[row].tolist(), distances[row].tolist(), origins[row] or stations[station].tolist(), launch_at, 0,
-            ]
-        )  # fmt: skip
-    return specs
-
-
-def _origins(plan: Plan) -> list[list[float] | None]:
-    """Where each FLS starts, if not at its dispatcher: anywhere in the display's box."""
-    if not plan.rules.deploy_random:
-        return [None] * plan.size
-    import numpy as np
-
-    low, high = plan.cloud.points.min(axis=0), plan.cloud.points.max(axis=0)
-    rng = np.random.default_rng(plan.config.seed)
-    return rng.uniform(low, high, size=(plan.size, 3)).tolist()
-
-
-def kernel_drops(port: int) -> int:
-    """Datagrams that the kernel dropped at the FLSs' unicast sockets because a buffer was full.
-
-    The broadcast sockets are left out: there the kernel counts what the filter refused, too.
-    """
-    wanted, broadcast, drops = f":{port:04X}", f"{0xFFFFFF7F:08X}:{port:04X}", 0
-    with contextlib.suppress(OSError), open("/proc/net/udp") as table:
-        for line in table:
-            fields = line.split()
-            if len(fields) > 12 and fields[1].endswith(wanted) and fields[1] != broadcast:
-                drops += int(fields[-1])
-    return drops

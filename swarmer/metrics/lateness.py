@@ -52,6 +52,16 @@ def percentiles(counts: Sequence[int]) -> Percentiles | None:
     return Percentiles(_quantile(counts, total, 0.50), _quantile(counts, total, 0.99), _upper_edge(last))
 
 
+def quantile(counts: Sequence[int], share: float) -> float | None:
+    """Any percentile of such a histogram; None if nothing was counted.
+
+    >>> quantile([3] + [0] * 126 + [1], 0.5), quantile([0] * 128, 0.5)
+    (0.05, None)
+    """
+    total = int(sum(counts))
+    return _quantile(counts, total, share) if total else None
+
+
 def _quantile(counts: Sequence[int], total: int, share: float) -> float:
     """Upper edge of the first bucket at which `share` of `total` is reached."""
     seen = 0

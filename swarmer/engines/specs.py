@@ -1,0 +1,98 @@
+"""What a dispatcher is told of a run, as JSON there and back: plain data, nothing that needs numpy to be read."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+from swarmer.fls_process import FlsSpec, RunSpec
+from swarmer.plan import as_data, from_data
+from swarmer.radio import Grid
+from swarmer.udp_wrapper import Wires
+
+if TYPE_CHECKING:
+    from swarmer.plan import Plan
+
+NEAR_MAX = 64  # nearest FLSs an FLS can reach by unicast; more go by broadcast
+
+
+def setup(plan: Plan, run: int, port: int, key: bytes) -> dict[str, Any]:
+    """Everything a dispatcher needs, as JSON takes it. run: the id on every datagram. key: of the MAC, or empty."""
+    config, radio = plan.config, plan.config.radio
+    cpus = sorted(os.sched_getaffinity(0)) if config.process.pin else []
+    wires = Wires(
+        port,
+        radio.carrier,
+        radio.unicast_max,
+        radio.kernel_filter == "auto",
+        radio.receive_buffer_kb * 1024,
+    )
+    common = {
+        "run": run,
+        "seed": config.seed,
+        "key": key.hex(),
+        "rules": as_data(plan.rules),
+        "wires": wires._asdict(),
+        "steps_per_cell": Grid.for_display(plan.diagonal_cells).steps_per_cell,
+        "loop": config.fls_loop,
+        "cpus": cpus,
+    }
+    return {"run": common, "fls": fls_rows(plan), "replace": config.failure.replace}
+
+
+def fls_rows(plan: Plan) -> list[list[Any]]:
+    """One `FlsSpec` per FLS, FID 1 first; each from the dispatcher that is nearest to its point."""
+    import numpy as np
+
+    from swarmer.shapes.neighbours import nearest_table
+
+    near, distances = nearest_table(plan.cloud.points, min(NEAR_MAX, plan.size - 1))
+    stations = np.array(plan.config.deploy.dispatchers)
+    starts = _random_starts(plan) if plan.rules.deploy_random else None
+    launched = [0] * len(stations)
+    rows = []
+    for row, point in enumerate(plan.cloud.points):
+        station = int(np.argmin(((stations - point) ** 2).sum(axis=1)))
+        rate = plan.config.deploy.rate_per_s
+        spec = FlsSpec(
+            fid=row + 1,
+            incarnation=0,
+            truth=point.tolist(),
+            neighbours=plan.neighbours.neighbours[row],
+            reach=float(plan.neighbours.reach_cells[row]),
+            near=near[row].tolist(),
+            distances=distances[row].tolist(),
+            origin=(stations[station] if starts is None else starts[row]).tolist(),
+            launch_at_s=launched[station] / rate if rate else 0.0,
+            epoch=0,
+        )
+        launched[station] += 1
+        rows.append(list(spec))
+    return rows
+
+
+def _random_starts(plan: Plan) -> Any:
+    """(F, 3): anywhere in the display's box."""
+    import numpy as np
+
+    low, high = plan.cloud.points.min(axis=0), plan.cloud.points.max(axis=0)
+    return np.random.default_rng(plan.config.seed).uniform(low, high, size=(plan.size, 3))
+
+
+def run_spec(data: dict[str, Any]) -> RunSpec:
+    """What `setup` put under `run`."""
+    return RunSpec(
+        run=data["run"],
+        seed=data["seed"],
+        key=bytes.fromhex(data["key"]),
+        rules=from_data(data["rules"]),
+        wires=Wires(**data["wires"]),
+        steps_per_cell=data["steps_per_cell"],
+        loop=data["loop"],
+        cpus=tuple(data["cpus"]),
+    )
+
+
+def fls_spec(row: list[Any]) -> FlsSpec:
+    """A row of `fls_rows`."""
+    return FlsSpec(*(tuple(value) if isinstance(value, list) else value for value in row))

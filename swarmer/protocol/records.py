@@ -1,0 +1,80 @@
+"""The machine's own small records: its states, who it is, by which rules it plays, what it shows to others."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import TYPE_CHECKING, NamedTuple
+
+from swarmer.messages import Swarm, Vec3
+from swarmer.protocol.anchor_selection import AnchorSelection
+
+if TYPE_CHECKING:
+    from swarmer.plugins import Localizer
+
+
+class State(IntEnum):
+    """The paper's five states (figure 4)."""
+
+    DEPLOYING = 0
+    AVAILABLE = 1
+    BUSY_ANCHOR = 2
+    BUSY_LOCALIZING = 3
+    WAITING = 4
+
+
+D, A, BA, BL, W = State
+
+
+class Identity(NamedTuple):
+    """Who an FLS is: its FID, how often that FID has been replaced, its point in display cells."""
+
+    fid: int
+    incarnation: int
+    truth: Vec3
+
+
+class MachineSettings(NamedTuple):
+    """The rules a machine plays by. Times are emulated seconds, lengths display cells."""
+
+    lambda_s: float
+    lease_s: float  # δ
+    lease_margin_s: float  # an anchor's lease is δ and this
+    m: float  # most swarms merged at one anchor at a time; math.inf
+    waiting_bound_s: float
+    waiting_ends_at_tick: bool
+    flight_threshold: float
+    range_start: float
+    range_step: float
+    range_max: float
+    challenge_on_available: bool
+    accept_gap_s: float
+    neighbour_reply: bool
+    busy_join: str  # newcomer | all | off
+    epochs: bool
+    thaw_repeat: float  # probability of repeating a THAW that was obeyed
+    anchors: AnchorSelection
+    localizer: Localizer
+
+
+class Accept(NamedTuple):
+    """An acceptance that was sent; it reserves nothing and is remembered for a lease."""
+
+    challenge: int
+    size: int
+    until_s: float
+
+
+class View(NamedTuple):
+    """What the network thread may know (`protocol.race.Published`)."""
+
+    awake: bool
+    epoch: int
+    flying: bool
+    available: bool
+    anchoring: bool
+    swarm: Swarm
+    size: int
+
+
+class ProtocolBug(RuntimeError):
+    """An engine fed an event that cannot happen in this state."""
