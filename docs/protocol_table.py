@@ -28,17 +28,18 @@ WORDS: dict[str, tuple[str, str]] = {
     "skip_tick": ("2", "Busy: this tick passes. (With `waiting_ends: tick` it ends Waiting.)"),
     "accept": ("3, 9, 10", "Another swarm: accept if Available, or if anchoring and the Swarm-IDs allow it. The own "
                "swarm: answer NEIGHBOUR if the sender is a planned neighbour."),
-    "note_init": ("9", "Localizing: only the question of a planned neighbour of the own swarm has an answer."),
+    "answer_neighbour": ("9", "Localizing: only the question of a planned neighbour of the own swarm has an answer."),
     "take_acceptance": ("4", "The first acceptance of the open challenge pairs; any other is cancelled."),
     "take_more": ("4", "A challenger that became anchor takes later acceptances too, while M allows."),
     "take_ack": ("4, 8", "Pair, if the acceptance is remembered and the Swarm-ID it named is still ours; else cancel."),
     "refuse": ("8", "Answer LEASE_CANCEL, so that the sender does not wait for nothing."),
-    "localize": ("5", "Compute V, take the anchor's Swarm-ID, tell the old swarm, fly; below the threshold only merge."),
+    "localize": ("5", "Compute V, take the anchor's Swarm-ID, tell the old swarm, fly (below the threshold: merge)."),
     "finish": ("5", "Landed: tell the anchor that it may go."),
     "renew_lease": ("5", "Half a lease is over and the localization is not: renew."),
-    "cancelled": ("5, 7", "The anchor cancels: on the ground give up and free the swarm, in flight finish."),
-    "forget_accept": ("3", "The acceptance is not wanted any more."),
-    "free": ("7", "That lease is over. After the last one: Available, and the swarm is told so."),
+    "cancelled": ("5, 7", "The anchor cancels this pairing: on the ground give up, free the swarm; in flight finish."),
+    "forget_accept": ("3", "The challenger has somebody else: that acceptance is forgotten."),
+    "free": ("7", "FIN: that lease is over. After the last one: Available, and the swarm is told so."),
+    "cancel_lease": ("7", "As FIN, but nobody has merged; only if it is of the challenge that the lease is for."),
     "lease_over": ("7", "A localizer was not heard of for a lease: as if it had finished."),
     "renewed": ("5", "Extend the lease, or grant one where rule 3 allows; else cancel."),
     "wait": ("4", "Stand still: the sender's pairing concerns the whole swarm."),
@@ -47,7 +48,7 @@ WORDS: dict[str, tuple[str, str]] = {
     "follow": ("5, 6", "Fly V."),
     "merge": ("5, 6", "Take the new Swarm-ID; an anchor keeps its leases."),
     "follow_merge": ("5, 6", "Take the new Swarm-ID, then fly V."),
-    "become_available": ("6", "The flight is over."),
+    "follower_landed": ("6", "The flight is over."),
     "bound_over": ("7", "Nobody said anything for max(λ, 2δ): go on alone."),
     "thaw_due": ("11", "Begin the next epoch: THAW to all, and obey it."),
     "rearm_thaw": ("11", "Not lit yet: try again later."),
@@ -63,20 +64,24 @@ def table_html() -> str:
         f"<th>{escape(name)} ({SHORT[state]})</th>" for state, name in zip(State, STATES, strict=True)
     )
     rows = "".join(_row(key) for key in _keys())
-    return f'<div class="protocol-table"><table><thead><tr><th>event</th>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
+    return f"<table><thead><tr><th>event</th>{head}</tr></thead><tbody>{rows}</tbody></table>"
 
 
 def rules_html() -> str:
     """Every rule that the table names, in the order in which it first does."""
-    names = dict.fromkeys(rule.act.__name__ for state in State for rule in TABLE[state].values())
     rows = "".join(
-        f'<tr id="{name}"><td>{_said(name)}</td><td>{_marked(WORDS[name][1])}</td><td>{WORDS[name][0]}</td></tr>'
-        for name in names
+        f'<tr id="{name}"><td>{_said(name)}</td><td>{_marked(words)}</td><td>{numbers}</td></tr>'
+        for name, (numbers, words) in ((name, WORDS[name]) for name in named())
     )
     return (
         "<table><thead><tr><th>in the table</th><th>what it does</th><th>rule</th></tr></thead>"
         f"<tbody>{rows}</tbody></table>"
     )
+
+
+def named() -> list[str]:
+    """The names of the rules that the table uses."""
+    return list(dict.fromkeys(rule.act.__name__ for state in State for rule in TABLE[state].values()))
 
 
 def word(key: Kind | Local) -> str:
@@ -114,7 +119,7 @@ def _marked(text: str) -> str:
 
 # -- the picture -----------------------------------------------------------------------------------------------------
 
-WIDTH, HEIGHT, BOX, TALL, LINE = 1000, 500, 160, 46, 15
+WIDTH, HEIGHT, BOX, TALL, LINE = 1000, 500, 164, 48, 18
 PLACES = {
     State.DEPLOYING: (120, 80), State.AVAILABLE: (500, 80), State.BUSY_ANCHOR: (120, 420),
     State.WAITING: (500, 420), State.BUSY_LOCALIZING: (880, 420),
@@ -133,14 +138,14 @@ class Way(NamedTuple):
 D, A, BA, BL, W = State
 WAYS = {
     (D, A): Way((200, 80), (418, 80), (310, 68), "middle"),
-    (BA, A): Way((130, 397), (438, 105), (240, 215), "end"),
-    (A, BA): Way((470, 105), (170, 395), (262, 330), "start"),
-    (A, W): Way((490, 105), (490, 395), (480, 200), "end"),
-    (W, A): Way((510, 397), (510, 105), (520, 190), "start"),
-    (A, BL): Way((530, 105), (830, 395), (738, 330), "end"),
-    (BL, A): Way((870, 397), (562, 105), (760, 215), "start"),
-    (BL, W): Way((798, 420), (582, 420), (690, 440), "middle"),
-    (W, BA): Way((418, 420), (202, 420), (310, 440), "middle"),
+    (BA, A): Way((130, 397), (438, 105), (226, 205), "end"),
+    (A, BA): Way((470, 105), (170, 395), (258, 345), "start"),
+    (A, W): Way((490, 105), (490, 395), (480, 228), "end"),
+    (W, A): Way((510, 397), (510, 105), (520, 185), "start"),
+    (A, BL): Way((530, 105), (830, 395), (742, 345), "end"),
+    (BL, A): Way((870, 397), (562, 105), (774, 205), "start"),
+    (BL, W): Way((798, 420), (582, 420), (690, 444), "middle"),
+    (W, BA): Way((418, 420), (202, 420), (310, 444), "middle"),
 }
 
 
@@ -174,7 +179,7 @@ def _box(state: State, name: str, colour: str) -> str:
     x, y = PLACES[state]
     return (
         f'<rect x="{x - BOX // 2}" y="{y - TALL // 2}" width="{BOX}" height="{TALL}" rx="8" fill="{colour}"/>'
-        f'<text x="{x}" y="{y + 6}" text-anchor="middle" font-size="17" fill="#0b0e14">{name}</text>'
+        f'<text x="{x}" y="{y + 6}" text-anchor="middle" font-size="18" fill="#0b0e14">{name}</text>'
     )
 
 
@@ -182,7 +187,8 @@ def _way(way: Way, words: list[str]) -> str:
     (x1, y1), (x2, y2) = way.start, way.end
     x, y = way.words
     lines = "".join(
-        f'<text x="{x}" y="{y + LINE * i}" text-anchor="{way.anchor}" font-size="12.5" fill="currentColor">{text}</text>'
+        f'<text x="{x}" y="{y + LINE * i}" text-anchor="{way.anchor}" font-size="14.5" '
+        f'fill="currentColor">{text}</text>'
         for i, text in enumerate(words)
     )
     return (

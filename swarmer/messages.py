@@ -82,7 +82,7 @@ class Swarm(NamedTuple):
 NO_SWARM = Swarm(0, 0)
 
 JOIN = 1  # the sender is a newcomer that has not merged yet (rule 10)
-BUSY = 2  # an acceptor that is anchoring already
+BUSY = 2  # an acceptor that is anchoring already; where all may join a busy swarm, it stays the anchor
 ANCHORING = 4  # SET_WAITING: the swarm anchors; without it, it localizes
 ALL_FLAGS = JOIN | BUSY | ANCHORING
 
@@ -129,7 +129,7 @@ class BadDatagram(ValueError):
         super().__init__(reason)
 
 
-REASONS = ("size", "magic", "version", "mac", "kind", "address", "sender", "flags", "number")
+REASONS = ("size", "magic", "version", "mac", "kind", "address", "sender", "swarm", "flags", "number")
 
 # magic, version, kind, to, flags, run, addressee xi and incarnation, sender, incarnation, epoch, number, swarm xi
 # and incarnation, size, challenge, other xi and incarnation, grid (3), reach2, range, truth (3), origin (3),
@@ -188,6 +188,8 @@ def decode(data: bytes | bytearray | memoryview, key: bytes = b"") -> tuple[Mess
         raise BadDatagram("address")
     if (sender == ENGINE_FID) != (kind == CONTROL) and not (sender == ENGINE_FID and kind in FROM_ENGINE):
         raise BadDatagram("sender")
+    if (sender != ENGINE_FID and xi == 0) or (other == 0 and kind in (MERGE, FOLLOW_MERGE)):
+        raise BadDatagram("swarm")
     if flags & ~ALL_FLAGS:
         raise BadDatagram("flags")
     # NaN fails every comparison and a sum with it is NaN, so one line holds for all fourteen numbers.

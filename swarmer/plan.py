@@ -8,7 +8,6 @@ Importing this file costs no numpy: FLS processes do.
 from __future__ import annotations
 
 import math
-from collections.abc import MutableSequence
 from dataclasses import dataclass
 from importlib import import_module
 from random import Random
@@ -22,6 +21,7 @@ from swarmer.plugins import ENTRY_POINTS, Localizer
 from swarmer.protocol import thaw
 from swarmer.protocol.anchor_selection import STRATEGIES
 from swarmer.protocol.challenge_policy import ChallengePolicy, Decay, RComplete
+from swarmer.protocol.records import Counters
 from swarmer.radio import EndRules
 from swarmer.state_machine import Identity, MachineSettings, StateMachine
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 class Rules(NamedTuple):
     """Every rule of a run as plain data: seconds, cells, radians, names. What an FLS is made from, wherever it runs."""
 
-    count: int  # F
+    count: int  # type: ignore[assignment]  # F; hides tuple.count, which nobody needs
     dim: int
     lambda_s: float
     epsilon: float
@@ -182,12 +182,13 @@ def make_machine(
     neighbours: tuple[int, ...],
     reach: float,
     rng: Random,
-    counts: MutableSequence[int] | None = None,
+    counts: Counters | None = None,
     epoch: int = 0,
 ) -> StateMachine:
     """The state machine of one FLS. reach: cells to its farthest planned neighbour."""
-    # A hair more, so that the farthest neighbour is in range whichever way its distance was computed.
-    start = reach * (1 + 1e-9) if rules.range_start is None else rules.range_start
+    # A hair more, so that whoever is just in range is, whichever way the distance was computed.
+    start = reach if rules.range_start is None else rules.range_start
+    hair = 1 + 1e-9
     settings = MachineSettings(
         lambda_s=rules.lambda_s,
         lease_s=rules.lease_s,
@@ -196,9 +197,9 @@ def make_machine(
         waiting_bound_s=1e9 if rules.waiting_ends_at_tick else rules.waiting_bound_s,
         waiting_ends_at_tick=rules.waiting_ends_at_tick,
         flight_threshold=rules.flight_threshold,
-        range_start=min(start, rules.range_max * (1 + 1e-9)),
+        range_start=min(start, rules.range_max) * hair,
         range_step=rules.range_step,
-        range_max=rules.range_max,
+        range_max=rules.range_max * hair,
         challenge_on_available=rules.challenge_on_available,
         accept_gap_s=rules.accept_gap_s,
         neighbour_reply=rules.neighbour_reply,

@@ -105,7 +105,7 @@ class EndRules(NamedTuple):
         return not (self.loss or self.duplicate or self.reorder or self.delay_s or self.jitter_s)
 
 
-DELIVERED_NOW = (0.0,)
+DELIVERED_NOW: tuple[float, ...] = (0.0,)
 LOST: tuple[float, ...] = ()
 
 

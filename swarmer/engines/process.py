@@ -38,7 +38,8 @@ END_PATIENCE_S = 10.0
 REHEARSALS = 3
 REHEARSED = 0.98  # share of the FLSs that must have been woken before the next round
 REHEARSAL_PATIENCE_S = 2.0
-MEMORY_SAMPLE = 24  # processes whose private memory is read, once
+WEIGHED_LIVE, WEIGHED_LAST = 4, 24  # processes whose private memory is read
+WEIGH_EVERY_S = 5.0
 COMPLAINTS_MAX = 200  # lines of stderr that become events
 CRASHES_MAX = 0.05  # share of FLSs that may die unexpectedly before the run is given up
 
@@ -94,6 +95,7 @@ class _Run:
         self._went_wall = 0.0
         self._process: subprocess.Popen[bytes] | None = None
         self._complaints = 0
+        self._memory_mb: float | None = None
 
     # -- the life of a run ---------------------------------------------------------------------------------------
 
@@ -197,11 +199,12 @@ class _Run:
         self._went_wall = time.monotonic()
         self.wake_all()
         self.observer.go(self.result.launch_s or 0.0)
-        governing = asyncio.create_task(self._govern())
+        beside = [asyncio.create_task(self._govern()), asyncio.create_task(self._weigh())]
         try:
             await self._watch()
         finally:
-            governing.cancel()
+            for task in beside:
+                task.cancel()
 
     async def _watch(self) -> None:
         period = 1.0 / self.config.recording.rate_hz
@@ -308,6 +311,22 @@ class _Run:
                     self.wake_all()
                 self.observer.event(Event(now, "time_scale", 0, f"{scale:.2f}: {self.governor.reason}"))
 
+    async def _weigh(self) -> None:
+        """Estimate the private memory of all FLSs, now and then; reading it takes a millisecond for each process."""
+        while True:
+            mean = await asyncio.to_thread(self._mean_memory_mb, WEIGHED_LIVE)
+            self._memory_mb = None if mean is None else mean * self.count
+            await asyncio.sleep(WEIGH_EVERY_S)
+
+    def _mean_memory_mb(self, processes: int) -> float | None:
+        """Mean private memory of about so many FLSs spread over all, MB."""
+        if self._process is None:
+            return None
+        pids = children_of(self._process.pid)
+        step = max(1, len(pids) // processes)
+        sizes = [size for pid in pids[::step] if (size := private_mb(pid)) is not None]
+        return sum(sizes) / len(sizes) if sizes else None
+
     def _snapshot(self, sample: Sample) -> Snapshot:
         alive = sample.life == Life.READY
         live = Live(
@@ -315,7 +334,7 @@ class _Run:
             self.tally.recent_timer(),
             self.tally.recent_handled(),
             int(alive.sum()),
-            None,
+            self._memory_mb,
             self.tally.faithful(self.config.lease_ms),
         )
         return Snapshot(
@@ -384,16 +403,7 @@ class _Run:
         self.result.counters["dropped_by_kernel"] = kernel_drops(self.port)
         self.tally.add(sample)
         self.result.processes = int((sample.life == Life.READY).sum())
-        self.result.memory_mb_per_fls = self._memory()
-
-    def _memory(self) -> float | None:
-        """Mean private memory of some of the FLSs, in MB."""
-        if self._process is None:
-            return None
-        pids = children_of(self._process.pid)
-        step = max(1, len(pids) // MEMORY_SAMPLE)
-        sizes = [size for pid in pids[::step] if (size := private_mb(pid)) is not None]
-        return sum(sizes) / len(sizes) if sizes else None
+        self.result.memory_mb_per_fls = self._mean_memory_mb(WEIGHED_LAST)
 
     def _finish(self) -> None:
         result, lease_ms = self.result, self.config.lease_ms

@@ -21,6 +21,10 @@ class Timer(IntEnum):
     THAW = 4  # this FLS thaws the display
 
 
+# The same by plain names, here and below for what is counted: an attribute of an enum class costs a slow look-up.
+CHALLENGE_TIMER, BOUND_TIMER, LEASE_TIMER, RENEW_TIMER, THAW_TIMER = Timer
+
+
 class Local(IntEnum):
     """Keys of the table for what is no message; beyond every Kind, so one table holds both. Timers come first."""
 
@@ -85,7 +89,10 @@ class Fly(NamedTuple):
 
 
 class Measure(NamedTuple):
-    """Measure the vector to the sender of `message`, which is at hand. The engine answers with `Measured`."""
+    """Measure the vector to the sender of `message`, which is at hand.
+
+    The engine answers with `Measured`. A new one takes the place of one that is not answered yet.
+    """
 
     message: Message
 
@@ -121,3 +128,7 @@ class Count(IntEnum):
     IGNORED = 7  # messages without a rule in the present state, or no longer addressed to it
     STALE = 8  # datagrams of an earlier epoch
     JOINS = 9  # pairings with a newcomer (rule 10)
+
+
+LOCALIZATIONS, ANCHORINGS, LEASES_GRANTED, LEASES_EXPIRED, THAWS_STARTED = map(int, tuple(Count)[:5])
+THAWS_OBEYED, HANDLED, IGNORED, STALE, JOINS = map(int, tuple(Count)[5:])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from swarmer.messages import Swarm, Vec3
 from swarmer.protocol.anchor_selection import AnchorSelection
@@ -56,11 +56,20 @@ class MachineSettings(NamedTuple):
     localizer: Localizer
 
 
+class Counters(Protocol):
+    """One whole number for each `Count`: a list, or a view of memory that others watch."""
+
+    def __getitem__(self, index: int, /) -> int: ...
+
+    def __setitem__(self, index: int, value: int, /) -> None: ...
+
+
 class Accept(NamedTuple):
     """An acceptance that was sent; it reserves nothing and is remembered for a lease."""
 
     challenge: int
-    size: int
+    size: int  # and these two as it said them, for by them the challenger decides who anchors
+    flags: int
     until_s: float
 
 

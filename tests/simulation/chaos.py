@@ -191,7 +191,9 @@ class Storm(World):
 
     def push(self, at: float, item: tuple) -> None:
         late = self.slow.get(item[0], 0.0)
-        super().push(max(at, self.frozen.get(item[0], 0.0)) + (self.mood.uniform(0.0, late) if late else 0.0), item)
+        super().push(
+            max(at, self.frozen.get(item[0], 0.0)) + (self.mood.uniform(0.0, late) if late else 0.0), item
+        )
 
     def hang(self, fid: int, until_s: float) -> None:
         """Whatever waits for this FLS waits until then."""
@@ -307,5 +309,7 @@ def await_one_swarm(world: Storm, bound_s: float) -> float:
     groups: dict[Any, list[int]] = {}
     for fid, body in world.bodies.items():
         groups.setdefault(tuple(body.machine.swarm), []).append(fid)
-    states = {fid: body.machine.state.name for fid, body in world.bodies.items() if not body.machine.available}
+    states = {
+        fid: body.machine.state.name for fid, body in world.bodies.items() if not body.machine.available
+    }
     raise Broken(f"no single swarm {bound_s:.1f} s after the healing: {groups}, not Available: {states}")

@@ -9,7 +9,6 @@ import heapq
 import math
 from collections import Counter
 from dataclasses import dataclass, field
-from random import Random
 
 import numpy as np
 
@@ -47,6 +46,7 @@ class Body:
     timers: dict = field(default_factory=dict)
     number: int = 0
     version: int = 0
+    measuring: int = 0
     lit: bool = False
     alive: bool = True
 
@@ -73,6 +73,7 @@ class World:
         self.members: dict = {}
         seed = config.seed
         self.air = stream(seed, "air")
+        self.sensing = stream(seed, "sensing")
         self.sender_rules = EndRules(*self.rules.sender)
         self.receiver_rules = EndRules(*self.rules.receiver)
         self.flight_rng = {f: stream(seed, "flight", f) for f in range(1, self.plan.size + 1)}
@@ -114,9 +115,17 @@ class World:
                     self.feed(fid, body, Due(what))
             elif what == "datagram":
                 self.receive(fid, body, *token)
+            elif what == "measured":
+                self.measure(fid, body, *token)
             else:
                 self.feed(fid, body, what)
         self.now = until_s
+
+    def measure(self, fid: int, body: Body, number: int, o: tuple[float, float, float]) -> None:
+        if number == body.measuring:  # a later measurement takes the place of this one
+            x = self.position(body)
+            vector = (o[0] - x[0], o[1] - x[1], o[2] - x[2])
+            self.feed(fid, body, Measured(self.sensor.measure(vector, self.sensing)))
 
     def position(self, body: Body) -> tuple[float, float, float]:
         return position_at(body.flight, self.now, self.velocity)
@@ -171,9 +180,8 @@ class World:
                 body.flight = plan_flight(self.position(body), flown, self.now, self.velocity)
                 self.push(self.now + body.flight.duration_s, (fid, body, Landed(), None))
             elif kind is Measure:
-                x, o = self.position(body), stamp.origin
-                vector = (o[0] - x[0], o[1] - x[1], o[2] - x[2])
-                self.push(self.now, (fid, body, Measured(self.sensor.measure(vector, self.air)), None))
+                body.measuring += 1
+                self.push(self.now + self.sensor.delay_s, (fid, body, "measured", (body.measuring, stamp.origin)))
             elif kind is Depart:
                 body.alive = False
 
@@ -186,7 +194,7 @@ class World:
         elif message.to == To.SWARM:
             receivers = sorted(self.members.get(message.addressee, ()))
         elif message.kind == Kind.CHALLENGE_INIT:
-            receivers = self.within(fid, message.range)
+            receivers = self.within(fid, math.inf if self.rules.range_estimated else message.range)
         else:
             receivers = range(1, self.plan.size + 1)
         for sender_delay in fate(self.sender_rules, self.air):
@@ -198,7 +206,8 @@ class World:
                 ):
                     continue
                 target = self.bodies[other]
-                if heard(message, stamp, self.ears(target), self.plan.size) is not None:
+                here = self.position(target) if self.rules.range_estimated else None
+                if heard(message, stamp, self.ears(target), self.plan.size, here) is not None:
                     continue
                 for delay in fate(self.receiver_rules, self.air):
                     at = self.now + self.air.uniform(*self.latency_s) + sender_delay + delay
@@ -209,7 +218,7 @@ class World:
             from scipy.spatial import cKDTree
 
             self.tree = cKDTree(self.plan.cloud.points)
-        return [int(i) + 1 for i in self.tree.query_ball_point(self.points[fid - 1], reach + 1e-9)]
+        return [int(i) + 1 for i in self.tree.query_ball_point(self.points[fid - 1], min(reach, 1e9) + 1e-9)]
 
     # -- reading ------------------------------------------------------------------------------------------------
 
@@ -227,7 +236,3 @@ class World:
 
     def count(self, index: int) -> int:
         return sum(b.machine.counts[index] for b in self.bodies.values())
-
-
-def rng(seed: int) -> Random:
-    return Random(seed)

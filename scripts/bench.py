@@ -1,0 +1,54 @@
+"""Print the speed tables, measured here and now: `bench.py [micro|datagrams|launch|loops|shapes|authors|all]`.
+
+Everything is measured by real runs of the real pieces; where two things are compared they are measured in one go and
+given as a ratio, for the ratio travels from machine to machine better than the figure.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+TABLES = {
+    "micro": "bench.micro:run",
+    "datagrams": "bench.datagrams:run",
+    "launch": "bench.launch:run",
+    "loops": "bench.loops:run",
+    "shapes": "bench.full_runs:shapes",
+    "authors": "bench.full_runs:authors",
+}
+
+
+def main(arguments: list[str]) -> int:
+    """The exit status."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("table", nargs="?", choices=[*TABLES, "all"], default="all", help="default: all")
+    parser.add_argument("--repeat", type=int, default=3, metavar="N", help="measure so often; medians (default 3)")
+    parser.add_argument("--bare", action="store_true", help=argparse.SUPPRESS)  # without the machine's line
+    options = parser.parse_args(arguments)
+    if not options.bare:
+        from bench.tables import machine_line
+
+        print(machine_line(), flush=True)
+    if options.table == "all":
+        return max(alone(name, options.repeat) for name in TABLES)
+    began = time.monotonic()
+    module, _, function = TABLES[options.table].partition(":")
+    getattr(importlib.import_module(module), function)(max(1, options.repeat))
+    print(f"  ({options.table}: {time.monotonic() - began:.0f} s)", flush=True)
+    return 0
+
+
+def alone(name: str, repeat: int) -> int:
+    """A table in a process of its own: some fork, and what an earlier table imported would weigh on them."""
+    return subprocess.run([sys.executable, __file__, name, "--repeat", str(repeat), "--bare"], check=False).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,1 @@
+"""The tables of `scripts/bench.py`, a file for each subject."""

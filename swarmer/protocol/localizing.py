@@ -1,0 +1,70 @@
+"""Rules of a localizer: measure, tell the old swarm, fly, and let the anchor go (rule 5)."""
+
+from __future__ import annotations
+
+from swarmer.messages import (
+    CHALLENGE_FIN,
+    FOLLOW_MERGE,
+    LEASE_RENEW,
+    MERGE,
+    SET_AVAILABLE,
+    SET_WAITING,
+    TO_FLS,
+    TO_SWARM,
+    Message,
+    Swarm,
+)
+from swarmer.protocol.events import LOCALIZATIONS, RENEW_TIMER, Measure, Measured
+from swarmer.protocol.memory import Memory, sum_of_sizes
+from swarmer.protocol.records import BL
+
+
+def become_localizer(me: Memory, message: Message) -> None:
+    """PAIR, the localizer's end."""
+    me.close_challenge()
+    me.anchor = message
+    me.state = BL
+    me.tell_swarm(SET_WAITING)
+    me.arm(RENEW_TIMER, me.now + me.settings.lease_s / 2)
+    me.actions.append(Measure(message))
+
+
+def localize(me: Memory, event: Measured) -> None:
+    """The sensor has answered: take the anchor's swarm and tell the old one (rule 5)."""
+    anchor = me.anchor
+    assert anchor is not None
+    g, a = me.truth, anchor.truth
+    vector = me.settings.localizer.displacement(event.vector, (a[0] - g[0], a[1] - g[1], a[2] - g[2]))
+    me.counts[LOCALIZATIONS] += 1
+    old, me.brought = me.swarm, me.size
+    me.take_swarm(anchor.swarm, sum_of_sizes(me.size, anchor.size))
+    length2 = vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2
+    if length2 >= me.settings.flight_threshold**2:
+        me.say(FOLLOW_MERGE, TO_SWARM, old, other=me.swarm, vector=vector)
+        me.fly(vector)
+    else:
+        me.say(MERGE, TO_SWARM, old, other=me.swarm)
+        finish(me, None)
+
+
+def finish(me: Memory, _: object) -> None:
+    """Landed where the localization led: the anchor may go."""
+    anchor = me.anchor
+    assert anchor is not None
+    me.say(CHALLENGE_FIN, TO_FLS, Swarm(anchor.sender, 0), challenge=anchor.challenge, size=me.brought)
+    me.become_available()
+
+
+def renew_lease(me: Memory, _: object) -> None:
+    assert me.anchor is not None
+    me.tell(me.anchor, LEASE_RENEW)
+    me.arm(RENEW_TIMER, me.now + me.settings.lease_s / 2)
+
+
+def cancelled(me: Memory, message: Message) -> None:
+    """CANCEL at a localizer: of this very pairing and on the ground it gives up; flying it finishes."""
+    anchor = me.anchor
+    assert anchor is not None
+    if (message.sender, message.challenge) == (anchor.sender, anchor.challenge) and not me.flying:
+        me.become_available()
+        me.tell_swarm(SET_AVAILABLE)

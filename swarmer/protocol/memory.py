@@ -1,0 +1,222 @@
+"""What one FLS knows, owes and waits for, and the few things that every rule does with it.
+
+The rules are plain functions of a `Memory`, in the files beside this one; the table in `state_machine` says which rule
+answers which event. A rule changes the memory and adds to its actions, and does nothing else.
+"""
+
+from __future__ import annotations
+
+from random import Random
+
+from swarmer.messages import (
+    CHALLENGE_INIT,
+    JOIN,
+    NO_SWARM,
+    TO_ALL,
+    TO_FLS,
+    TO_SWARM,
+    ZERO,
+    Kind,
+    Message,
+    Swarm,
+    To,
+    Vec3,
+)
+from swarmer.protocol.beliefs import Beliefs
+from swarmer.protocol.challenge_policy import ChallengePolicy
+from swarmer.protocol.events import (
+    BOUND_TIMER,
+    CHALLENGE_TIMER,
+    LEASE_TIMER,
+    RENEW_TIMER,
+    THAW_TIMER,
+    Action,
+    Arm,
+    Count,
+    Disarm,
+    Fly,
+    Send,
+    Timer,
+)
+from swarmer.protocol.leases import Leases
+from swarmer.protocol.records import BA, A, Accept, Counters, D, Identity, MachineSettings, View, W
+from swarmer.protocol.thaw import ThawPolicy
+
+UINT32_MAX = 0xFFFFFFFF  # what a datagram has room for
+
+
+def sum_of_sizes(mine: int, theirs: int) -> int:
+    """The estimated size of two merged swarms. Races count members twice, so the sum may run away; never too far."""
+    return min(mine + theirs, UINT32_MAX)
+
+
+def _first_challenge(fid: int, incarnation: int) -> int:
+    # Ids must differ between FLSs too, for two may pair in two challenges at once: each counts from a place far from
+    # the others' (multiples of an odd constant near 2^32 / golden ratio spread evenly modulo 2^32).
+    return (fid + (incarnation << 20)) * 2654435761 & UINT32_MAX
+
+
+class Memory:
+    """One FLS, as it sees itself."""
+
+    def __init__(
+        self,
+        identity: Identity,
+        neighbours: tuple[int, ...],
+        settings: MachineSettings,
+        challenge_policy: ChallengePolicy,
+        thaw_policy: ThawPolicy,
+        rng: Random,
+        counts: Counters | None = None,
+        epoch: int = 0,
+    ) -> None:
+        """`neighbours`: the planned ones. `counts`: one place per Count, kept elsewhere if the engine likes."""
+        self.fid, self.incarnation, self.truth = identity
+        self.settings = settings
+        self.policy, self.thaw_policy, self.rng = challenge_policy, thaw_policy, rng
+        self.counts: Counters = [0] * len(Count) if counts is None else counts
+        self.state = D
+        self.flying = False
+        self.epoch = epoch
+        self.swarm = Swarm(self.fid, self.incarnation)
+        self.size = 1
+        self.merged = False  # since its landing: a newcomer that has not joins (rule 10)
+        self.reach = settings.range_start
+        self.beliefs = Beliefs(neighbours)
+        self.leases = Leases(settings.lease_s + settings.lease_margin_s)
+        self.holders: dict[int, bool] = {}  # who keeps this FLS Waiting, and whether as anchor
+        self.anchor: Message | None = None  # the datagram of the pairing in which this FLS localizes
+        self.challenge = 0  # id of the challenge that acceptances may still refer to; 0: none
+        self.challenge_open = False  # it has not taken one yet
+        self.challenge_taken = True  # the last one found a taker, so the range need not grow
+        self._last_challenge = _first_challenge(self.fid, self.incarnation)
+        self.accepts: dict[int, Accept] = {}
+        self.last_accept_s = -1e9
+        self.brought = 1  # the size of the swarm that localizes with this FLS
+        self.pending: list[Message] = []
+        self.reminded: dict[int, float] = {}
+        self.thawed_s = -1e9
+        self.tick_s = 0.0
+        self._armed = 0  # one bit for each Timer
+        self.leaving = self.departed = False
+        self.now = 0.0
+        self.actions: list[Action] = []
+
+    @property
+    def awake(self) -> bool:
+        return self.state is not D
+
+    @property
+    def available(self) -> bool:
+        return self.state is A
+
+    @property
+    def anchoring(self) -> bool:
+        """Busy Anchor, or Waiting only because the swarm anchors (Wa)."""
+        if self.state is W:
+            return bool(self.holders) and all(self.holders.values())
+        return self.state is BA
+
+    @property
+    def joins(self) -> bool:
+        """A newcomer that has not merged since its landing (rule 10)."""
+        return self.incarnation > 0 and not self.merged and self.settings.busy_join == "newcomer"
+
+    @property
+    def complete(self) -> bool:
+        """R-Complete (rule 9)."""
+        return self.beliefs.complete(self.swarm)
+
+    def view(self) -> View:
+        """An immutable copy of what the network thread may know."""
+        return View(
+            self.awake, self.epoch, self.flying, self.available, self.anchoring, self.swarm, self.size
+        )
+
+    def arm(self, timer: Timer, at_s: float) -> None:
+        self._armed |= 1 << timer
+        self.actions.append(Arm(timer, at_s))
+
+    def disarm(self, *timers: Timer) -> None:
+        for timer in timers:
+            if self._armed >> timer & 1:
+                self._armed &= ~(1 << timer)
+                self.actions.append(Disarm(timer))
+
+    def say(
+        self,
+        kind: Kind,
+        to: To,
+        addressee: Swarm = NO_SWARM,
+        flags: int = 0,
+        challenge: int = 0,
+        other: Swarm = NO_SWARM,
+        vector: Vec3 = ZERO,
+        size: int | None = None,
+        reach: float | None = None,
+    ) -> None:
+        self.actions.append(
+            Send(
+                Message(
+                    kind, self.fid, self.incarnation, self.epoch, self.swarm, self.size if size is None else size,
+                    self.truth, to, addressee, flags, challenge,
+                    self.settings.range_max if reach is None else reach, other, vector,
+                )
+            )
+        )  # fmt: skip
+
+    def tell(self, message: Message, kind: Kind, flags: int = 0, other: Swarm = NO_SWARM) -> None:
+        """Answer the sender of `message`, about the same challenge."""
+        self.say(kind, TO_FLS, Swarm(message.sender, 0), flags, message.challenge, other)
+
+    def tell_swarm(self, kind: Kind, swarm: Swarm | None = None, flags: int = 0) -> None:
+        self.say(kind, TO_SWARM, self.swarm if swarm is None else swarm, flags)
+
+    def become_available(self) -> None:
+        self.disarm(BOUND_TIMER, LEASE_TIMER, RENEW_TIMER)
+        self.holders.clear()
+        self.anchor = None
+        self.state = A
+        self.enter_available()
+
+    def enter_available(self) -> None:
+        """The authors' program challenges at once, if its policy would at a tick."""
+        if self.settings.challenge_on_available and self.policy.challenges(self.complete, self.rng):
+            self.send_challenge()
+
+    def fly(self, vector: Vec3) -> None:
+        self.disarm(BOUND_TIMER)
+        self.holders.clear()
+        self.flying = True
+        self.actions.append(Fly(vector))
+
+    def take_swarm(self, swarm: Swarm, size: int) -> None:
+        self.swarm, self.size = swarm, size
+        self.merged = True
+        self.policy.merged()
+
+    def start_timers(self) -> None:
+        """The challenge tick within λ of a landing or thaw, and this FLS's own thaw."""
+        self.tick_s = self.now + self.rng.uniform(0.0, self.settings.lambda_s)
+        self.arm(CHALLENGE_TIMER, self.tick_s)
+        self.arm_thaw()
+
+    def arm_thaw(self) -> None:
+        delay = self.thaw_policy.delay_s(self.rng)
+        if delay is not None:
+            self.arm(THAW_TIMER, self.now + delay)
+
+    def send_challenge(self) -> None:
+        s = self.settings
+        if not self.challenge_taken:
+            self.reach = min(self.reach + s.range_step, s.range_max)
+        self.challenge = self._last_challenge = self._last_challenge % UINT32_MAX + 1
+        self.challenge_open, self.challenge_taken = True, False
+        self.say(CHALLENGE_INIT, TO_ALL, flags=self.join_flag(), challenge=self.challenge, reach=self.reach)
+
+    def close_challenge(self) -> None:
+        """No acceptance of it pairs any more."""
+        self.challenge, self.challenge_open = 0, False
+
+    def join_flag(self) -> int:
+        return JOIN if self.joins else 0

@@ -1,0 +1,88 @@
+"""Rules of beginning anew and of leaving: thaws, epochs, batteries (rules 11, 12 and 13)."""
+
+from __future__ import annotations
+
+from swarmer.messages import LEAVE, SET_AVAILABLE, THAW, TO_ALL, TO_FLS, Message, Swarm
+from swarmer.protocol.events import (
+    BOUND_TIMER,
+    LEASE_TIMER,
+    RENEW_TIMER,
+    STALE,
+    THAWS_OBEYED,
+    THAWS_STARTED,
+    Depart,
+    Timer,
+)
+from swarmer.protocol.memory import UINT32_MAX, Memory
+from swarmer.protocol.records import BA, BL, A, D, W
+
+
+def obey_thaw(me: Memory, epoch: int, tell: bool = False) -> None:
+    """Start again from here: ξ = FID, nothing owed, nothing believed (rule 11). tell: others, too."""
+    me.epoch = epoch
+    me.reminded.clear()
+    if me.state is D:
+        return
+    me.counts[THAWS_OBEYED] += 1
+    me.thawed_s = me.now
+    me.swarm, me.size = Swarm(me.fid, me.incarnation), 1
+    me.reach, me.challenge_taken = me.settings.range_start, True
+    me.close_challenge()
+    me.anchor = None
+    for table in (me.leases, me.holders, me.accepts, me.pending, me.beliefs):
+        table.clear()
+    me.policy.thawed()
+    me.disarm(BOUND_TIMER, LEASE_TIMER, RENEW_TIMER)
+    # A flight that has begun goes on; a Waiting FLS that lands is Available and tells nobody.
+    me.state = W if me.flying else A
+    if tell:  # with the new Swarm-ID: whoever is in this epoch already must not believe the old one
+        me.say(THAW, TO_ALL)
+    me.start_timers()
+    if me.state is A:
+        me.enter_available()
+
+
+def meet_epoch(me: Memory, message: Message) -> bool:
+    """Rule 12: a newer epoch is obeyed first, an older one is told. Handle the message then?"""
+    if message.epoch > me.epoch:
+        obey_thaw(me, message.epoch)
+        return message.kind != THAW
+    me.counts[STALE] += 1
+    due = me.reminded.get(message.sender, -1e9) + me.settings.lambda_s
+    if me.awake and message.sender and due <= me.now:
+        me.reminded[message.sender] = me.now
+        me.tell(message, THAW)
+    return False
+
+
+def thaw_due(me: Memory, _: object) -> None:
+    """This FLS's own timer: begin the next epoch for everybody."""
+    me.counts[THAWS_STARTED] += 1
+    obey_thaw(me, min(me.epoch + 1, UINT32_MAX) if me.settings.epochs else me.epoch, tell=True)
+
+
+def rearm_thaw(me: Memory, _: object) -> None:
+    me.arm_thaw()
+
+
+def hear_thaw(me: Memory, message: Message) -> None:
+    """Without epochs a thaw is obeyed at most once per λ, and repeated by chance (the paper)."""
+    if me.settings.epochs or me.now - me.thawed_s < me.settings.lambda_s:
+        return
+    obey_thaw(me, me.epoch, tell=me.rng.random() < me.settings.thaw_repeat)
+
+
+def hear_leave(me: Memory, message: Message) -> None:
+    me.beliefs.forget(message.sender)
+
+
+def leave(me: Memory, _: object) -> None:
+    """Battery low, and on the ground: say so, free those who wait, go (rule 13)."""
+    if me.state is not D:  # nobody has heard of it yet
+        for neighbour in sorted(me.beliefs.neighbours):
+            me.say(LEAVE, TO_FLS, Swarm(neighbour, 0))
+    if me.state in (BA, BL):
+        me.tell_swarm(SET_AVAILABLE)
+    me.disarm(*Timer)
+    me.actions.append(Depart())
+    me.departed = True
