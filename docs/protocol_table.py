@@ -96,7 +96,7 @@ def _keys() -> list[Kind | Local]:
 
 def _row(key: Kind | Local) -> str:
     cells = "".join(_cell(state, key) for state in State)
-    return f"<tr><th>{word(key)}</th>{cells}</tr>"
+    return f"<tr><td><strong>{word(key)}</strong></td>{cells}</tr>"
 
 
 def _cell(state: State, key: Kind | Local) -> str:
@@ -141,7 +141,7 @@ WAYS = {
     (BA, A): Way((130, 397), (438, 105), (226, 205), "end"),
     (A, BA): Way((470, 105), (170, 395), (258, 345), "start"),
     (A, W): Way((490, 105), (490, 395), (480, 228), "end"),
-    (W, A): Way((510, 397), (510, 105), (520, 185), "start"),
+    (W, A): Way((510, 397), (510, 105), (520, 232), "start"),
     (A, BL): Way((530, 105), (830, 395), (742, 345), "end"),
     (BL, A): Way((870, 397), (562, 105), (774, 205), "start"),
     (BL, W): Way((798, 420), (582, 420), (690, 444), "middle"),

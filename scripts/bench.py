@@ -15,13 +15,14 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+# Where each table is made, and how often it is measured if nobody says so: whole runs take minutes.
 TABLES = {
-    "micro": "bench.micro:run",
-    "datagrams": "bench.datagrams:run",
-    "launch": "bench.launch:run",
-    "loops": "bench.loops:run",
-    "shapes": "bench.full_runs:shapes",
-    "authors": "bench.full_runs:authors",
+    "micro": ("bench.micro:run", 3),
+    "datagrams": ("bench.datagrams:run", 3),
+    "launch": ("bench.launch:run", 1),
+    "loops": ("bench.loops:run", 1),
+    "shapes": ("bench.full_runs:shapes", 1),
+    "authors": ("bench.full_runs:authors", 1),
 }
 
 
@@ -29,7 +30,9 @@ def main(arguments: list[str]) -> int:
     """The exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("table", nargs="?", choices=[*TABLES, "all"], default="all", help="default: all")
-    parser.add_argument("--repeat", type=int, default=3, metavar="N", help="measure so often; medians (default 3)")
+    parser.add_argument(
+        "--repeat", type=int, metavar="N", help="measure so often, and give medians (default 3, whole runs 1)"
+    )
     parser.add_argument("--bare", action="store_true", help=argparse.SUPPRESS)  # without the machine's line
     options = parser.parse_args(arguments)
     if not options.bare:
@@ -39,15 +42,17 @@ def main(arguments: list[str]) -> int:
     if options.table == "all":
         return max(alone(name, options.repeat) for name in TABLES)
     began = time.monotonic()
-    module, _, function = TABLES[options.table].partition(":")
-    getattr(importlib.import_module(module), function)(max(1, options.repeat))
+    place, usual = TABLES[options.table]
+    module, _, function = place.partition(":")
+    getattr(importlib.import_module(module), function)(max(1, options.repeat or usual))
     print(f"  ({options.table}: {time.monotonic() - began:.0f} s)", flush=True)
     return 0
 
 
-def alone(name: str, repeat: int) -> int:
+def alone(name: str, repeat: int | None) -> int:
     """A table in a process of its own: some fork, and what an earlier table imported would weigh on them."""
-    return subprocess.run([sys.executable, __file__, name, "--repeat", str(repeat), "--bare"], check=False).returncode
+    often = [] if repeat is None else ["--repeat", str(repeat)]
+    return subprocess.run([sys.executable, __file__, name, "--bare", *often], check=False).returncode
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Every command that README.md and the guide show is run, shortened, as a shell runs it; what is made lies elsewhere."""
+"""Every command that README.md and the guide show is run, shortened, as a shell runs it, in a folder of its own."""
 
 import os
 import re

@@ -8,7 +8,6 @@ from statistics import median
 
 from bench.receivers import GRID, Cost, Receivers, membership
 from bench.tables import ratio, show
-
 from swarmer.messages import Swarm
 from swarmer.udp_wrapper import BROADCAST, Filter, address_of, open_socket
 
@@ -21,7 +20,7 @@ COLUMNS = (
     "broadcast, Python rule", "", "multicast", "",
 )  # fmt: skip
 NOTES = (
-    f"µs of processor time per message, sender and all receivers together; one process per socket; a swarm of {MEMBERS};",
+    f"µs of processor time per message, sender and all receivers together; one process each; a swarm of {MEMBERS};",
     "ratios are to one unicast datagram. Python rule: every process wakes up, decodes and drops it.",
     "multicast: one group per swarm, joined by its members.",
 )
@@ -61,7 +60,10 @@ def change(receivers: Receivers) -> list[object]:
     ears = receivers.ears(1)
     rule = Filter(ears, GRID, True)
     address = address_of(receivers.count + 2)
-    with open_socket(address, receivers.filtered) as one, open_socket(BROADCAST, receivers.filtered, shared=True) as two:
+    with (
+        open_socket(address, receivers.filtered) as one,
+        open_socket(BROADCAST, receivers.filtered, shared=True) as two,
+    ):
         began = time.perf_counter()
         for number in range(CHANGES):
             rule.patch(Swarm(number + 1, 0))

@@ -9,7 +9,6 @@ from contextlib import ExitStack
 from statistics import median
 
 from bench.tables import median_of, show
-
 from swarmer.config import load_config
 from swarmer.messages import Kind, Message, Stamp, Swarm, To, decode, encode
 from swarmer.physics.flight import Flight
@@ -66,7 +65,16 @@ def init(plan: Plan, sender: int = 2, swarm: Swarm | None = None) -> tuple[Messa
     grid = Grid.for_display(plan.diagonal_cells)
     truth = point(plan, sender)
     message = Message(
-        Kind.CHALLENGE_INIT, sender, 0, 0, swarm or Swarm(sender, 0), 1, truth, To.ALL, challenge=1, range=50.0
+        Kind.CHALLENGE_INIT,
+        sender,
+        0,
+        0,
+        swarm or Swarm(sender, 0),
+        1,
+        truth,
+        To.ALL,
+        challenge=1,
+        range=50.0,
     )
     return message, Stamp(7, 1, truth, 1.0, grid.of(truth), grid.reach2(message.range))
 
@@ -95,7 +103,11 @@ def radio(plan: Plan) -> Iterator[Piece]:
     yield "heard, yes", lambda: heard(message, stamp, ears, 100), "a challenge in range"
     yield "heard, no", lambda: heard(other, stamp, ears, 100), "for another swarm"
     yield "ReplayWindow.fresh", lambda: window.fresh(2, 0, next(numbers)), "a new number"
-    yield "race.judge", lambda: race.judge(message, machine, machine.beliefs.neighbours, True), "queue, drop or answer"
+    yield (
+        "race.judge",
+        lambda: race.judge(message, machine, machine.beliefs.neighbours, True),
+        "queue, drop or answer",
+    )
 
 
 def slot(stack: ExitStack) -> Iterator[Piece]:
@@ -181,5 +193,3 @@ def clock_cost_ns() -> float:
         began = time.perf_counter_ns()
         found.append(time.perf_counter_ns() - began)
     return median(found)
-
-

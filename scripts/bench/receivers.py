@@ -1,4 +1,4 @@
-"""Many small processes that each listen as an FLS does, on every carrier there is, so that the carriers can be compared."""
+"""Many small processes that each listen as an FLS does, on every carrier there is, so that these can be compared."""
 
 from __future__ import annotations
 
@@ -148,7 +148,15 @@ class Receivers:
         self._numbers += 1
         sender = self.count
         message = Message(
-            Kind.SET_WAITING, sender, 0, 0, Swarm(self.swarm_of(sender), 0), 1, (1.0, 1.0, 1.0), to, Swarm(addressee, 0)
+            Kind.SET_WAITING,
+            sender,
+            0,
+            0,
+            Swarm(self.swarm_of(sender), 0),
+            1,
+            (1.0, 1.0, 1.0),
+            to,
+            Swarm(addressee, 0),
         )
         data = encode(message, Stamp(RUN, self._numbers, (1.0, 1.0, 1.0), 0.0))
         assert len(data) == SIZE

@@ -63,7 +63,7 @@ def text(cell: object) -> str:
 
 def ratio(cell: float, to: float) -> str:
     """`cell` as a multiple of `to`."""
-    return f"x{cell / to:.2g}" if to else "-"
+    return f"x{text(cell / to)}" if to else "-"
 
 
 def median_of(repeat: int, action: Callable[[], float]) -> float:

@@ -40,7 +40,9 @@ def command(quick: bool, as_json: bool) -> None:
     elif trial is not None:
         show_trial(trial, doctor.free_mb())
     if failed is not None:
-        raise RunFailed(f"no run of the dragon is possible here: {failed.name}: {failed.found}; {failed.advice}")
+        raise RunFailed(
+            f"no run of the dragon is possible here: {failed.name}: {failed.found}; {failed.advice}"
+        )
     if trouble:
         raise RunFailed(trouble)
     if not as_json:
@@ -54,7 +56,9 @@ def elsewhere(engines: list[str], as_json: bool) -> None:
 
     names = ", ".join(engines) or "none of this version's"
     if as_json:
-        click.echo(json.dumps({"format": 1, "dragon": False, "system": platform.system(), "engines": engines}))
+        click.echo(
+            json.dumps({"format": 1, "dragon": False, "system": platform.system(), "engines": engines})
+        )
     raise RunFailed(
         f"the engine `process` needs Linux, and this is {platform.system()}; engines that work here: {names}"
     )
@@ -122,8 +126,8 @@ def show_trial(trial: Trial, free_mb: float | None) -> None:
     rows += [(f"{points} FLSs", f"time scale {trial.scale_for(points):.2f}") for points in SHAPES]
     show_rows("estimate of what runs faithfully here", rows)
     click.echo(
-        f"      lateness grows with the number of FLSs: {BURST:g} times the wake-up, or the trial's own if that is more,\n"
-        f"      must stay within half a lease ({trial.lease_ms / 2:g} ms); FLSs may use {BUSY_MAX:.0%} of the cores.\n"
+        f"      lateness grows with the number of FLSs: {BURST:g} times the wake-up, or the trial's own if that is\n"
+        f"      more, must stay within half a lease ({trial.lease_ms / 2:g} ms); they get {BUSY_MAX:.0%} of the cores\n"
         "      An estimate: what else runs now counts against it. `--time-scale auto` finds the truth by itself."
     )
 

@@ -1,6 +1,6 @@
 """What this machine allows a run to have: limits, buffers, and the kernel's services, each tried where it can be.
 
-Nothing here changes the machine; every look is a `Check` that says what was found, whether it is enough, and what to do.
+Nothing here changes the machine. Every look is a `Check`: what was found, whether it is enough, and what to do.
 """
 
 from __future__ import annotations
@@ -50,7 +50,9 @@ def possible_engines() -> list[str]:
     return [str(name) for name in engines if is_linux() or name not in ("process", "cluster")]
 
 
-def verdict(found: int | None, name: str, advice: str, needs: tuple[int, int] = (MANY, DRAGON), text: str = "") -> Check:
+def verdict(
+    found: int | None, name: str, advice: str, needs: tuple[int, int] = (MANY, DRAGON), text: str = ""
+) -> Check:
     """A number against what 2000 FLSs, and what the dragon, need; None is no limit."""
     shown = text or ("no limit" if found is None else str(found))
     if found is None or found >= needs[0]:
@@ -59,7 +61,9 @@ def verdict(found: int | None, name: str, advice: str, needs: tuple[int, int] = 
 
 
 def system() -> Check:
-    return Check("system", f"{platform.system()} {platform.release()}, Python {platform.python_version()}", INFO)
+    return Check(
+        "system", f"{platform.system()} {platform.release()}, Python {platform.python_version()}", INFO
+    )
 
 
 def cores() -> Check:
@@ -69,7 +73,10 @@ def cores() -> Check:
     found = f"{allowed} of {all_of_them}" if allowed < all_of_them else str(allowed)
     if share is not None and share < allowed:
         return Check(
-            "cores", f"{found}, of which the container may use {share:g}", WARN, "give the container more CPU (docker: --cpus)"
+            "cores",
+            f"{found}, of which the container may use {share:g}",
+            WARN,
+            "give the container more CPU (docker: --cpus)",
         )
     return Check("cores", found, INFO)
 
@@ -94,7 +101,10 @@ def free_mb() -> float | None:
 
 def container_free_mb() -> float | None:
     """What the control group still grants, in MB; None without such a limit."""
-    for most, used in (("memory.max", "memory.current"), ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes")):
+    for most, used in (
+        ("memory.max", "memory.current"),
+        ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
+    ):
         limit, now = read_number(f"/sys/fs/cgroup/{most}"), read_number(f"/sys/fs/cgroup/{used}")
         if limit is not None and now is not None and limit < 1 << 60:
             return (limit - now) / 2**20
@@ -135,7 +145,9 @@ def open_files() -> Check:
 
     soft, hard = (none_if_infinite(limit) for limit in resource.getrlimit(resource.RLIMIT_NOFILE))
     advice = f"ulimit -Hn {4 * FILES_OWN}   (as root)"
-    return verdict(hard, "open files", advice, (FILES_OWN, FILES_OWN), f"soft {shown(soft)}, hard {shown(hard)}")
+    return verdict(
+        hard, "open files", advice, (FILES_OWN, FILES_OWN), f"soft {shown(soft)}, hard {shown(hard)}"
+    )
 
 
 def machine_files() -> Check:
@@ -165,7 +177,7 @@ def container_processes() -> Check:
         return Check("pids of the control group", "no limit", OK)
     return verdict(
         most - now, "pids of the control group",
-        f"systemd: systemctl set-property --runtime user-$(id -u).slice TasksMax={MANY + 1000}; docker: --pids-limit {MANY + 1000}",
+        f"systemctl set-property --runtime user-$(id -u).slice TasksMax={MANY + 1000}   (docker: --pids-limit)",
         text=f"{most - now} of {most} left",
     )  # fmt: skip
 

@@ -29,16 +29,17 @@ LOOK_S = 0.05  # from look to look
 WINDOW_S = 0.4  # how far a look sees back
 ENOUGH = 30  # counts from which a p99 is worth acting on
 SLOWEST = 0.02
-CALM = 0.8  # more lateness than this: slower
+SLOWEST_START = 0.25  # the rehearsal may have met a moment of other load; what is late later corrects it
+CALM = 0.8  # more lateness than this: slower, if the run as a whole is as late as this; up to twice as much if not
 IDLE = 0.4  # less than this: there is room to go faster
 BURSTS = 3.5  # what follows a landing or a thaw is so much more work than the rehearsal's wake-up
 STEEPEST = 0.6  # one step down is at most to this share
 UP = 1.4  # one step up; everybody must be woken for it, so the steps are few
 SETTLE_S = 0.35  # from a change to a step down
 PATIENCE_S = 0.8  # from a change to a step up
-RELEASE = 1.15  # a brake that was too strong is loosened by this
+TIGHTEN, RELEASE = 0.85, 1.15  # a brake that was too weak, or too strong, is changed by this
 LANDED_S = 1.0  # emulated: by then about half of a display has landed
-BUSY_S = 2.0  # emulated: how long a thaw keeps all busy
+BUSY_S = 1.3  # emulated: how long a thaw keeps all busy
 
 
 class Tally:
@@ -117,7 +118,7 @@ class Governor:
 
     def rehearsed(self, wake_ms: float) -> None:
         """Begin as fast as the rehearsal allows: every FLS was woken at once, and the last took `wake_ms` (p99)."""
-        self._brake = min(1.0, max(SLOWEST, CALM * self.bound_ms / max(BURSTS * wake_ms, 1e-3)))
+        self._brake = min(1.0, max(SLOWEST_START, CALM * self.bound_ms / max(BURSTS * wake_ms, 1e-3)))
         self.scale = self._brake
         self.reason = f"waking all took {wake_ms:.0f} ms"
 
@@ -127,28 +128,38 @@ class Governor:
         timer, handled: lateness counted so far. thaws: how many there were. t_s, wall: now, emulated and monotonic.
         """
         late = self._late_ms(timer, handled, wall)
+        calm = self._calm(timer, handled)
         since = wall - self._changed
-        self._learn(late, t_s)
+        self._learn(late, calm, t_s)
         if thaws > self._thaws:
             self._thaws, self._thawed_s, self._worst_ms, self._braking = thaws, t_s, 0.0, True
             if self.scale > self._brake:
                 self._change(self._brake, "a thaw", wall)
-        elif late > CALM * self.bound_ms and since > SETTLE_S:
-            self._change(self.scale * max(CALM * self.bound_ms / late, STEEPEST), f"{late:.0f} ms late", wall)
-        elif late < IDLE * self.bound_ms and self.scale < 1.0 and since > PATIENCE_S:
-            if t_s - self._thawed_s > BUSY_S or self.scale < self._brake:
-                self._change(min(1.0, self.scale * UP), f"only {late:.0f} ms late", wall)
+        elif late > calm * self.bound_ms and since > SETTLE_S:
+            self._change(self.scale * max(calm * self.bound_ms / late, STEEPEST), f"{late:.0f} ms late", wall)
+        elif late < IDLE * self.bound_ms and since > PATIENCE_S and self.scale < self._most(t_s):
+            self._change(min(1.0, self.scale * UP), f"only {late:.0f} ms late", wall)
         return self.scale
 
-    def _learn(self, late: float, t_s: float) -> None:
+    def _most(self, t_s: float) -> float:
+        """Nothing is late while all are on their way, and that says nothing about their landing."""
+        return self._brake if t_s < LANDED_S + BUSY_S else 1.0
+
+    def _calm(self, timer: Histogram, handled: Histogram) -> float:
+        """How late the last moments may be: the bound is on the whole run, so one that was punctual has some to spend."""
+        known = [late.p99 for counts in (timer, handled) if (late := _lateness(counts))]
+        share = max(known, default=0.0) / self.bound_ms
+        return min(max(2 * CALM - share, CALM / 2), 2 * CALM)
+
+    def _learn(self, late: float, calm: float, t_s: float) -> None:
         """Once a thaw's busy time is over: was braking too weak, or too strong?"""
         self._worst_ms = max(self._worst_ms, late)
         if self._braking and t_s - self._thawed_s > BUSY_S:
             self._braking = False
             share = self._worst_ms / self.bound_ms
-            if share > CALM:
-                self._brake = max(SLOWEST, self._brake * max(CALM / share, STEEPEST))
-            elif share < IDLE:
+            if share > calm:
+                self._brake = max(SLOWEST, self._brake * TIGHTEN)
+            elif share < calm:
                 self._brake = min(1.0, self._brake * RELEASE)
 
     def _late_ms(self, timer: Histogram, handled: Histogram, wall: float) -> float:

@@ -6,6 +6,7 @@ import contextlib
 import os
 import socket
 from collections.abc import Iterator
+from pathlib import Path
 
 from swarmer.engines.doctor import FAIL, INFO, MANY, OK, WARN, Check, read_number
 from swarmer.messages import LARGEST, SIZE, Kind, Message, Stamp, Swarm, To, encode
@@ -35,9 +36,13 @@ def receive_buffer() -> Check:
     name = "UDP receive buffer"
     try:
         with port() as wires, open_socket(address_of(1), wires) as sock:
-            granted = sock.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) // 2  # the kernel reports the double
+            granted = (
+                sock.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) // 2
+            )  # the kernel reports the double
     except OSError as error:
-        return Check(name, str(error), FAIL, "ip link set lo up   (as root), or free UDP ports 20000 to 29999")
+        return Check(
+            name, str(error), FAIL, "ip link set lo up   (as root), or free UDP ports 20000 to 29999"
+        )
     asked = wires.receive_buffer
     found = f"{granted // 1024} of {asked // 1024} kB"
     most = read_number("/proc/sys/net/core/rmem_max")
@@ -85,7 +90,16 @@ def socket_filter() -> Check:
 def offer(mouth: socket.socket, ear: socket.socket, wires: Wires, addressee: int) -> bool:
     """Send a datagram for FLS `addressee` to FLS 1's socket; did it pass?"""
     message = Message(
-        Kind.CHALLENGE_FIN, 2, 0, 0, Swarm(2, 0), 1, (0.0, 0.0, 0.0), To.FLS, Swarm(addressee, 0), range=LARGEST
+        Kind.CHALLENGE_FIN,
+        2,
+        0,
+        0,
+        Swarm(2, 0),
+        1,
+        (0.0, 0.0, 0.0),
+        To.FLS,
+        Swarm(addressee, 0),
+        range=LARGEST,
     )
     mouth.sendto(encode(message, Stamp(7, addressee, (0.0, 0.0, 0.0), 0.0)), (address_of(1), wires.port))
     return arrives(ear, SOON_S if addressee == 1 else 0.02)
@@ -107,7 +121,9 @@ def memfd() -> Check:
     try:
         shared = SharedMemory(MANY)
     except (OSError, AttributeError) as error:
-        return Check("shared memory (memfd)", str(error), FAIL, "Linux 3.17 or newer, and room in memory, are needed")
+        return Check(
+            "shared memory (memfd)", str(error), FAIL, "Linux 3.17 or newer, and room in memory, are needed"
+        )
     size = shared.size
     shared.close()
     return Check("shared memory (memfd)", f"{size / 2**20:.0f} MB for {MANY} FLSs", OK)
@@ -121,7 +137,9 @@ def batch_scheduling() -> Check:
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
         os.sched_setscheduler(0, before, param)
     except OSError as error:
-        return Check(name, str(error), WARN, "none needed: FLSs then preempt each other, and are later by some ms")
+        return Check(
+            name, str(error), WARN, "none needed: FLSs then preempt each other, and are later by some ms"
+        )
     return Check(name, "allowed", OK)
 
 
@@ -129,11 +147,13 @@ def name_spaces() -> Check:
     """A container has process ids and a loopback interface of its own."""
     name = "process name spaces"
     try:
-        own = os.readlink("/proc/self/ns/pid") != HOST_PID_SPACE
+        own = str(Path("/proc/self/ns/pid").readlink()) != HOST_PID_SPACE
         children = os.access(f"/proc/self/task/{os.getpid()}/children", os.R_OK)
     except OSError as error:
         return Check(name, str(error), INFO)
     found = "own (a container): its limits bind, too" if own else "the machine's own"
     if not children:
-        return Check(name, f"{found}; children are not listed", WARN, "none needed: memory per FLS is not reported")
+        return Check(
+            name, f"{found}; children are not listed", WARN, "none needed: memory per FLS is not reported"
+        )
     return Check(name, found, OK)

@@ -20,6 +20,7 @@ from swarmer.metrics.lateness import percentiles, quantile
 
 if TYPE_CHECKING:
     from swarmer.engines.result import Observer, RunResult
+    from swarmer.plan import Plan
 
 
 @dataclass
@@ -47,8 +48,8 @@ class Cost:
 class MeasuredEngine(ProcessEngine):
     """`cost` holds what the run cost, once it is over. wakes: how often all are woken at once before the go signal."""
 
-    def __init__(self, plan: object, wakes: int = 0) -> None:
-        super().__init__(plan)  # type: ignore[arg-type]
+    def __init__(self, plan: Plan, wakes: int = 0) -> None:
+        super().__init__(plan)
         self.wakes = wakes
         self.cost = Cost(len(os.sched_getaffinity(0)))
 

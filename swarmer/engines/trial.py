@@ -1,8 +1,8 @@
 """A few seconds of a real run, to learn what this machine can carry; and what follows from it for larger shapes.
 
 The trial is the process engine itself on a sphere of 100 points: every FLS is woken at once some times, then they fly
-and become one swarm at time scale 1. What follows is an estimate: lateness comes from bursts, in which every FLS is woken and
-waits for its turn on a core, so it grows with the number of FLSs; and the cores' time is shared by all.
+and become one swarm at time scale 1. What follows is an estimate: lateness comes from bursts, in which every FLS is
+woken and waits for its turn on a core, so it grows with the number of FLSs; and the cores' time is shared by all.
 """
 
 from __future__ import annotations
@@ -115,7 +115,9 @@ def run_trial(points: int = POINTS, run_s: float = RUN_S) -> Trial:
     if result.status == "interrupted":
         raise KeyboardInterrupt
     if result.status != "done" or engine.cost.wake_ms is None:
-        raise RunFailed(f"the trial run with {points} FLSs did not work: {result.message or 'no FLS woke up'}")
+        raise RunFailed(
+            f"the trial run with {points} FLSs did not work: {result.message or 'no FLS woke up'}"
+        )
     return read(plan, result, engine.cost, watch)
 
 

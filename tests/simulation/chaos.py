@@ -1,12 +1,13 @@
 """Seeded worlds full of faults, in virtual time: what `make soak` and test_soak.py run.
 
-`draw(seed)` makes a scenario: a cloud, settings, and a schedule of faults as plain data, each kind of fault only in some
-worlds and at a rate of its own. `play` runs it: faults until `heal_s`, checks at every event, then one swarm must form.
+`draw(seed)` makes a scenario: a cloud, settings, and a schedule of faults as plain data, each kind only in some worlds
+and at a rate of its own. `play` runs it: faults until `heal_s`, checks at every event, then one swarm must form.
 """
 
 from __future__ import annotations
 
 import hashlib
+import heapq
 import math
 from collections import deque
 from dataclasses import dataclass, field
@@ -190,6 +191,8 @@ class Storm(World):
         super().__init__(load_config(None, [], **scenario.settings), scenario.latency_s)
 
     def push(self, at: float, item: tuple) -> None:
+        if self.order > EVENTS_MAX:
+            raise Broken(f"more than {EVENTS_MAX} events: a storm of messages")
         late = self.slow.get(item[0], 0.0)
         super().push(
             max(at, self.frozen.get(item[0], 0.0)) + (self.mood.uniform(0.0, late) if late else 0.0), item
@@ -200,8 +203,6 @@ class Storm(World):
         self.frozen[fid] = max(until_s, self.frozen.get(fid, 0.0))
         mine = sorted(entry for entry in self.queue if entry[2][0] == fid)
         self.queue = [entry for entry in self.queue if entry[2][0] != fid]
-        import heapq
-
         heapq.heapify(self.queue)
         for at, _, item in mine:
             self.push(at, item)
@@ -280,20 +281,18 @@ def weather(world: Storm, scenario: Scenario) -> None:
     for fault in scenario.faults:
         world.run(fault.at_s)
         world.strike(fault)
-        if world.events > EVENTS_MAX:
-            raise Broken(f"more than {EVENTS_MAX} events: a storm of messages")
     world.run(scenario.heal_s)
     world.heal()
 
 
 def liveness_bound_s(world: Storm) -> float:
-    """L1: one swarm within 20 + 4 log2 F challenges' time; a flight is part of most of them."""
+    """L1: one swarm within 10 + 2 log2 F challenges' time, each with a flight as long as any (soaks took a third)."""
     rules = world.rules
     longest = world.plan.diagonal_cells + math.dist((0, 0, 0), max(world.points))
     speed, up, down = rules.velocity
     flight_s = min(math.sqrt(2 * longest * (1 / up + 1 / down)), longest / speed + speed / up)
     waiting = rules.waiting_bound_s if rules.waiting_bound_s < 1e6 else 2 * rules.lambda_s
-    turns = 20 + 4 * math.log2(max(2, rules.count))
+    turns = 10 + 2 * math.log2(max(2, rules.count))
     hung = max(world.frozen.values(), default=0.0) - world.now
     return turns * (rules.lambda_s + flight_s) + 2 * waiting + 2 * rules.lease_s + max(0.0, hung)
 

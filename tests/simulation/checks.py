@@ -1,4 +1,4 @@
-"""What must hold after every event of a soak world; the simulation's invariants where they are there, and its own few."""
+"""What must hold after every event of a soak world."""
 
 from __future__ import annotations
 

@@ -1,0 +1,10 @@
+"""What holds for all tests: hypothesis draws the same examples in every run, unless fresh ones are asked for."""
+
+import os
+
+from hypothesis import settings
+
+# No deadline: a busy machine is no bug.
+settings.register_profile("fixed", derandomize=True, deadline=None)
+settings.register_profile("fresh", deadline=None, print_blob=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))

@@ -1,0 +1,46 @@
+"""`scripts/bench.py`: the quick table runs, and wrong names are refused."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def bench(*arguments):
+    return subprocess.run(
+        [sys.executable, str(ROOT / "scripts" / "bench.py"), *arguments],
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
+
+
+def test_the_micro_table_has_a_figure_in_every_row():
+    done = bench("micro", "--repeat", "1")
+    assert done.returncode == 0, done.stderr
+    machine, _, title, *rows = done.stdout.splitlines()
+    assert "cores" in machine
+    assert "load" in machine
+    assert title == "micro: µs per call"
+    figures = {
+        row[:24].strip(): float(row[24:].split()[0])
+        for row in rows[2:]
+        if row.startswith("  ") and row[24:30].strip()[:1].isdigit()
+    }
+    assert {
+        "encode",
+        "decode",
+        "heard, yes",
+        "publish",
+        "tune",
+        "handle INIT",
+        "handle FOLLOW_MERGE",
+    } <= figures.keys()
+    assert all(0 < cost < 100_000 for cost in figures.values())
+
+
+def test_a_table_that_is_not_there_is_refused():
+    done = bench("nope")
+    assert done.returncode == 2
+    assert "micro" in done.stderr
