@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ GENERATED = {
     "<!-- protocol: table -->": protocol_table.table_html,
     "<!-- protocol: rules -->": protocol_table.rules_html,
 }
+ROOT = Path(__file__).resolve().parent.parent
+SHOWN_FILE = re.compile(r"<!-- file: (\S+) -->")
 
 
 def on_files(files: Files, config: Any) -> Files:
@@ -33,7 +36,14 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
     for mark, make in GENERATED.items():
         if mark in markdown:
             markdown = markdown.replace(mark, make())
-    return markdown
+    return SHOWN_FILE.sub(shown_file, markdown)
+
+
+def shown_file(found: re.Match[str]) -> str:
+    """A file of the checkout as a block of code, so that a page cannot show another text. Raises OSError."""
+    path = ROOT / found.group(1)
+    language = {".py": "python"}.get(path.suffix, path.suffix.lstrip("."))
+    return f"```{language}\n{path.read_text('utf-8').rstrip()}\n```"
 
 
 def commands_page() -> str:

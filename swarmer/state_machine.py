@@ -147,7 +147,7 @@ TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
         Kind.THAW: _rule(hear_thaw, W, A),
         Kind.LEAVE: _rule(hear_leave, W),
         Local.CHALLENGE_DUE: _rule(skip_tick, W, A),
-        Local.BOUND_OVER: _rule(bound_over, W, A),
+        Local.BOUND_OVER: _rule(bound_over, A),
         Local.LANDED: _rule(follower_landed, A),
         Local.THAW_DUE: _rule(thaw_due, W, A),
         Local.BATTERY_LOW: _rule(leave, W),

@@ -31,7 +31,7 @@ SEQUENCE = struct.Struct("=I")
 LIFE_AT = 4  # one byte, written alone
 KINEMATICS_AT = 8
 COUNTERS_AT = 128
-CACHE_LINE = 64
+ALIGNED = 128  # what the sequence lock guards fits in, so it never crosses a page: copies go page by page
 
 
 class Phase(IntEnum):
@@ -79,7 +79,7 @@ NETWORK_AT = (
 )  # the network thread counts apart from the handler, so neither needs a lock
 TIMER_LATE_AT = NETWORK_AT + 8 * COUNTERS
 HANDLED_LATE_AT = TIMER_LATE_AT + 4 * BUCKETS
-SLOT = -(-(HANDLED_LATE_AT + 4 * BUCKETS) // CACHE_LINE) * CACHE_LINE
+SLOT = -(-(HANDLED_LATE_AT + 4 * BUCKETS) // ALIGNED) * ALIGNED
 
 
 class Row(NamedTuple):

@@ -2,8 +2,8 @@
 
 Every FLS listens on two sockets: a unicast one on an address of its own in 127.0.0.0/8, made from its FID, and a
 broadcast one on 127.255.255.255; both on the run's port, which is what keeps two runs on one machine apart. A classic
-BPF program on both drops, before the process wakes, what `radio.heard` would drop; it is attached anew whenever the
-Swarm-ID changes. `radio.heard` is asked again for whatever arrives.
+BPF program on the broadcast socket drops, before the process wakes, what `radio.heard` would drop; it is attached anew
+whenever the Swarm-ID changes. `radio.heard` is asked again for whatever arrives.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ import ctypes
 import errno
 import socket
 import struct
+from array import array
 from bisect import bisect_right
-from collections.abc import MutableSequence, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from swarmer.messages import CHALLENGE_INIT, NO_SWARM, OFFSET, TO_FLS, TO_SWARM, Kind, Message, Swarm, To
@@ -56,7 +57,7 @@ class UdpWrapper:
     """One FLS's sockets, and the ways out of them."""
 
     def __init__(
-        self, ears: Ears, directory: MutableSequence[int], wires: Wires, grid: Grid, near: Sequence[int],
+        self, ears: Ears, directory: memoryview[int] | array[int], wires: Wires, grid: Grid, near: Sequence[int],
         distances: Sequence[float], ranged: bool = True,
     ) -> None:  # fmt: skip
         """directory: (F,), which Swarm-ID each FLS listens to, 0 for none; shared by all. near, distances: the FIDs
@@ -92,9 +93,7 @@ class UdpWrapper:
             self._filter = Filter(ears, self._grid, self._ranged)
         try:
             self._filter.patch(ears.swarm)
-            # Challenges to a few come by unicast, and those from the own swarm should wake nobody either.
             self._filter.attach(self.broadcast)
-            self._filter.attach(self.unicast)
         except OSError:  # a kernel without filters: the same rules run in Python, where they run anyway
             self.wires = self.wires._replace(kernel_filter=False)
 
@@ -138,7 +137,7 @@ class UdpWrapper:
     def _members(self, xi: int, most: int) -> list[int] | None:
         """Who listens to a Swarm-ID, this FLS left out; None if more than `most`."""
         me, found = self.ears.fid, []
-        wanted, data = struct.pack("=I", xi), bytes(self._directory)  # type: ignore[call-overload]
+        wanted, data = struct.pack("=I", xi), bytes(self._directory)
         at = data.find(wanted)
         while at >= 0:
             if at % 4 == 0 and (fid := at // 4 + 1) != me:

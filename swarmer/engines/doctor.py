@@ -32,7 +32,7 @@ def all_checks() -> list[Check]:
     from swarmer.engines import kernel_services
 
     return [
-        system(), cores(), memory(), processes(), open_files(), machine_files(),
+        system(), cores(), load(), memory(), processes(), open_files(), machine_files(),
         kernel_number("kernel.threads-max", MANY, DRAGON), kernel_number("kernel.pid_max", MANY, DRAGON),
         container_processes(), *kernel_services.checks(),
     ]  # fmt: skip
@@ -79,6 +79,11 @@ def cores() -> Check:
             "give the container more CPU (docker: --cpus)",
         )
     return Check("cores", found, INFO)
+
+
+def load() -> Check:
+    """What else runs: it takes part in whatever is measured."""
+    return Check("load now", " ".join(f"{value:.1f}" for value in os.getloadavg()), INFO)
 
 
 def container_cores() -> float | None:

@@ -99,7 +99,7 @@ class Tally:
 class Governor:
     """Chooses the time scale: a fixed one, or as fast as this machine stays faithful, at most 1.
 
-    `auto` begins at what the rehearsal promises, goes down as soon as lateness nears the bound, and up when it is small.
+    `auto` begins at what the rehearsal promises, goes down when lateness nears the bound, and up when it is small.
     A thaw sends all FLSs off at once, so it brakes for one before it is late, by as much as the last ones needed.
     """
 
@@ -146,7 +146,7 @@ class Governor:
         return self._brake if t_s < LANDED_S + BUSY_S else 1.0
 
     def _calm(self, timer: Histogram, handled: Histogram) -> float:
-        """How late the last moments may be: the bound is on the whole run, so one that was punctual has some to spend."""
+        """How late the last moments may be: the bound is on the whole run, and one that was punctual has some left."""
         known = [late.p99 for counts in (timer, handled) if (late := _lateness(counts))]
         share = max(known, default=0.0) / self.bound_ms
         return min(max(2 * CALM - share, CALM / 2), 2 * CALM)

@@ -47,9 +47,9 @@ def counters_of(sample: Sample) -> dict[str, float]:
 
 
 def kernel_drops(port: int) -> int:
-    """Datagrams that the kernel dropped at the FLSs' unicast sockets, by filter or because a buffer was full.
+    """Datagrams that the kernel dropped at the FLSs' unicast sockets because a buffer was full.
 
-    The broadcast sockets are left out: there the filter refuses most of what passes.
+    The broadcast sockets are left out: there the kernel counts what the filter refuses, too.
     """
     wanted, broadcast, drops = f":{port:04X}", f"{BROADCAST_HEX}:{port:04X}", 0
     with contextlib.suppress(OSError), open("/proc/net/udp") as table:

@@ -95,4 +95,4 @@ def run_spec(data: dict[str, Any]) -> RunSpec:
 
 def fls_spec(row: list[Any]) -> FlsSpec:
     """A row of `fls_rows`."""
-    return FlsSpec(*(tuple(value) if isinstance(value, list) else value for value in row))
+    return FlsSpec._make(tuple(value) if isinstance(value, list) else value for value in row)

@@ -39,7 +39,7 @@ def _swarms(summary: dict[str, Any]) -> str:
     if first is None:
         return f"never one swarm ({count(summary.get('swarms_last'))} at the end)"
     number = summary.get("single_swarm_count") or 1
-    return f"one swarm at {seconds(first)}" + (f", {number} times in all" if number > 1 else "")
+    return f"one swarm at {seconds(first)}" + (f", {number} ×" if number > 1 else "")
 
 
 def _table(summary: dict[str, Any]) -> list[str]:

@@ -176,9 +176,7 @@ def _late_line(view: View) -> Text:
         f"timers {timers}, messages {handled}{bound}   ",
     ]
     if live.faithful is not None:
-        parts.append(
-            ("faithful", GOOD) if live.faithful else ("not faithful: a smaller time scale helps", BAD)
-        )
+        parts.append(("faithful", GOOD) if live.faithful else ("not faithful: too fast", BAD))
     return _text(*parts)
 
 

@@ -161,7 +161,7 @@ def _tiles(summary: dict[str, Any]) -> str:
         advice = "" if faithful or scale is None else f"; --time-scale {scale:.2g} would do"
         word = "faithful" if faithful else "not faithful"
         tiles.append(
-            (word, f"time scale {_text(summary.get('time_scale'))}{advice}", "good" if faithful else "warn")
+            (word, f"time scale {summary.get('time_scale') or 0:.2g}{advice}", "good" if faithful else "warn")
         )
     cards = (
         f"<div class=tile><b class='{kind}'>{escape(big)}</b><span>{escape(small)}</span></div>"

@@ -1,1 +1,1 @@
-"""How the world answers an FLS: flights that miss, velocities, sensors. Pure; random only by the generator handed in."""
+"""How the world answers an FLS: flights that miss, velocities, sensors. Pure; chance only by the generator given."""

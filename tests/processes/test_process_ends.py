@@ -6,6 +6,7 @@ import os
 import signal
 import socket
 import time
+from pathlib import Path
 
 import pytest
 from helpers import children, dispatcher_of, events, flss_of, gone, run, start, wait_for
@@ -21,7 +22,7 @@ def begun(tmp_path, *more):
 @pytest.mark.parametrize("delay_s", [0.0, 2.0])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_interrupted(tmp_path, delay_s, number):
-    before = set(os.listdir("/dev/shm"))
+    before = set(Path("/dev/shm").iterdir())
     process, flss = begun(tmp_path)
     dispatcher = dispatcher_of(process.pid)
     time.sleep(delay_s)
@@ -29,7 +30,7 @@ def test_interrupted(tmp_path, delay_s, number):
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130, err
     wait_for(lambda: gone([*flss, dispatcher]), 3)
-    assert set(os.listdir("/dev/shm")) <= before
+    assert set(Path("/dev/shm").iterdir()) <= before
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["status"] == "interrupted"
     assert not list((tmp_path / "run").glob("*.partial"))
@@ -186,7 +187,7 @@ def test_a_low_limit_on_processes_is_named(tmp_path):
     if hard != resource.RLIM_INFINITY and hard < 200_000:
         with pytest.raises(BadInput, match="ulimit -u"):
             limits.check_limits(hard)
-    with pytest.raises(BadInput, match="free memory|hard limit|pid_max|threads-max"):
+    with pytest.raises(BadInput, match=r"free memory|hard limit|pid_max|threads-max"):
         limits.check_limits(10_000_000)
     assert resource.getrlimit(resource.RLIMIT_NPROC)[1] == hard
     resource.setrlimit(resource.RLIMIT_NPROC, (soft, hard))

@@ -10,10 +10,44 @@ from helpers import events, run, small, start
 from swarmer.config import load_config
 
 # Names that CONTRACT.md promises of a network engine.
-PROMISED = """format engine shape points seed status emulated_s wall_s hd_cells hd_min_cells hd_absolute_cells time_to_hd_s
-first_single_swarm_s single_swarm_count thaws swarms_last lit_share launch_s distance_cells_mean localizations anchorings
-leases_expired datagrams_sent datagrams_delivered datagrams_lost bytes_sent bytes_delivered failures replacements
-processes memory_mb_per_fls timer_late_ms handled_late_ms time_scale faithful suggested_time_scale""".split()
+PROMISED = [
+    "format",
+    "engine",
+    "shape",
+    "points",
+    "seed",
+    "status",
+    "emulated_s",
+    "wall_s",
+    "hd_cells",
+    "hd_min_cells",
+    "hd_absolute_cells",
+    "time_to_hd_s",
+    "first_single_swarm_s",
+    "single_swarm_count",
+    "thaws",
+    "swarms_last",
+    "lit_share",
+    "launch_s",
+    "distance_cells_mean",
+    "localizations",
+    "anchorings",
+    "leases_expired",
+    "datagrams_sent",
+    "datagrams_delivered",
+    "datagrams_lost",
+    "bytes_sent",
+    "bytes_delivered",
+    "failures",
+    "replacements",
+    "processes",
+    "memory_mb_per_fls",
+    "timer_late_ms",
+    "handled_late_ms",
+    "time_scale",
+    "faithful",
+    "suggested_time_scale",
+]
 
 
 @pytest.mark.parametrize("loop", ["single", "threads", "asyncio"])

@@ -181,7 +181,9 @@ class World:
                 self.push(self.now + body.flight.duration_s, (fid, body, Landed(), None))
             elif kind is Measure:
                 body.measuring += 1
-                self.push(self.now + self.sensor.delay_s, (fid, body, "measured", (body.measuring, stamp.origin)))
+                self.push(
+                    self.now + self.sensor.delay_s, (fid, body, "measured", (body.measuring, stamp.origin))
+                )
             elif kind is Depart:
                 body.alive = False
 
