@@ -12,8 +12,8 @@ SHAPE_COLUMNS = (
     "cores busy %", "engine's share of wall %",
 )  # fmt: skip
 
-# Seconds until HD < 0.09 of the authors' published emulator with samples of the dragon on a two-core machine, None for
-# never; measured by the project with their program, see docs.
+# Wall seconds until HD < 0.09 that are known of the authors' published program, with samples of the dragon on a machine
+# of two cores; None: never. Nothing else in these tables is anything but measured now.
 AUTHORS_S = {100: 45.0, 200: None}
 AUTHORS_PATIENCE_S = 120.0
 
@@ -69,5 +69,5 @@ def authors(repeat: int) -> None:
     show(
         "authors' cases: --config authors_code (centralized thaw), until HD < 0.09 cells",
         ("case", "emulated s", "wall s", "their program, wall s", "ratio", "time scale", "faithful"), rows,
-        [f"at most {AUTHORS_PATIENCE_S:g} emulated seconds; theirs: their published program on a machine of two cores"],
+        [f"at most {AUTHORS_PATIENCE_S:g} emulated seconds; theirs: known of their published program, two cores"],
     )  # fmt: skip

@@ -46,9 +46,13 @@ def take_acceptance(me: Memory, message: Message) -> None:
 
 
 def take_more(me: Memory, message: Message) -> None:
-    """ACCEPT at a challenger that became anchor: later ones pair too while M allows."""
+    """ACCEPT at a challenger that became anchor: later ones pair too while M allows.
+
+    One from its own localizer is the late answer to a challenge that crossed that FLS's: they are paired already, and
+    the CANCEL is of this challenge, not of that pairing.
+    """
     same = 0 != me.challenge == message.challenge and message.swarm != me.swarm
-    if same and may_anchor(me, message, True, me.size, me.join_flag()):
+    if same and message.sender not in me.leases and may_anchor(me, message, True, me.size, me.join_flag()):
         me.challenge_open, me.challenge_taken = False, True
         me.tell(message, CHALLENGE_ACK, me.join_flag(), other=message.swarm)
         become_anchor(me, message)

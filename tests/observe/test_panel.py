@@ -72,7 +72,7 @@ def test_closing_lines_say_what_happened_and_what_to_do_next(tmp_path):
     text = "\n".join(closing_lines(summary, tmp_path / "my run"))
     for part in (
         "done: dragon, 760",
-        "one swarm at 4.1 s, 3 times",
+        "one swarm at 4.1 s, 3 ×",
         "12.3 s",
         "never",
         "NOT FAITHFUL",

@@ -158,14 +158,17 @@ def s3_accept(watch: Watch, step: Step) -> str | None:
     m, was = step.m, step.was
     joined = watch.joined.setdefault(m, set())
     message = _message(step)
-    for accept in (message for message in step.sent if message.kind == Kind.CHALLENGE_ACCEPT):
+    if _thawed(step):
+        joined.clear()
+        message = step.event.message if isinstance(step.event, Received) else None
+    if any(sent.kind == Kind.CHALLENGE_ACCEPT for sent in step.sent):
         watch.seen["s3"] += 1
         assert message is not None
         if message.kind != Kind.CHALLENGE_INIT or message.swarm == m.swarm or was.flying:
             return "accepts what it may not"
         if was.state is BL:
             return "accepts while localizing"
-        if was.state is not A and not message.flags & JOIN and accept.to == To.FLS:
+        if m.state is not A and not message.flags & JOIN:
             if not m.anchoring:
                 return "is busy and does not anchor"
             if m.settings.anchors is lowest and m.settings.busy_join != "all" and m.swarm > message.swarm:
