@@ -24,7 +24,7 @@ import traceback
 from typing import Any
 
 from swarmer.engines.specs import fls_spec, run_spec
-from swarmer.engines.warm_up import warm_up
+from swarmer.engines.warm_up import SPECIALISE, TOUCH, warm_up
 from swarmer.fls_loops import LOOPS
 from swarmer.fls_process import DEPARTED_EXIT, FAILED_EXIT, Fls, FlsSpec, RunSpec
 from swarmer.telemetry import Clock, Life, Phase, SharedMemory, Slot
@@ -59,7 +59,7 @@ class Dispatcher:
         """Launch everybody, then watch until told to stop or the engine is gone."""
         waiting = [self.specs[fid] for fid in sorted(self.specs)]
         waiting.reverse()
-        warm_up(self.run, waiting[-1])
+        warm_up(self.run, waiting[-1], SPECIALISE)
         gc.collect()
         gc.freeze()
         with selectors.DefaultSelector() as selector:
@@ -120,7 +120,7 @@ class Dispatcher:
             os.close(self._wake_w)
             gc.disable()  # an FLS makes no cycles; collections would only touch, and so copy, shared pages
             settle(self.run.cpus, spec.fid)
-            warm_up(self.run, spec)
+            warm_up(self.run, spec, TOUCH)
             status = run_fls(self.run, spec, self.shared)
         except BaseException:
             traceback.print_exc()

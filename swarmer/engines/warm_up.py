@@ -13,10 +13,10 @@ from swarmer.radio import Ears, ReplayWindow, heard
 from swarmer.state_machine import Identity, StateMachine
 from swarmer.streams import stream
 
-ROUNDS = 20
+SPECIALISE, TOUCH = 40, 6  # rounds: until the interpreter has specialised the code; until the pages are copied
 
 
-def warm_up(run: RunSpec, spec: FlsSpec) -> None:
+def warm_up(run: RunSpec, spec: FlsSpec, rounds: int) -> None:
     """Do once, on a scratch machine, what an FLS does all the time.
 
     In the dispatcher the interpreter specialises the code, once for all that are forked later. In an FLS the pages that
@@ -28,7 +28,7 @@ def warm_up(run: RunSpec, spec: FlsSpec) -> None:
     window = ReplayWindow()
     machine.handle(Launch(spec.origin), 0.0)
     machine.handle(Landed(), 1.0)
-    for number in range(1, ROUNDS + 1):
+    for number in range(1, rounds + 1):
         for message in _scenes(machine, spec):
             data = encode(message, Stamp(run.run, number, spec.truth, 1.0), run.key)
             received, stamp = decode(data, run.key)
