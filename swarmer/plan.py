@@ -238,4 +238,4 @@ def as_data(rules: Rules) -> dict[str, Any]:
 
 
 def from_data(data: dict[str, Any]) -> Rules:
-    return Rules(**data)
+    return Rules(**{name: tuple(value) if isinstance(value, list) else value for name, value in data.items()})

@@ -30,7 +30,8 @@ WINDOW_S = 0.4  # how far a look sees back
 ENOUGH = 30  # counts from which a p99 is worth acting on
 SLOWEST = 0.02
 SLOWEST_START = 0.25  # the rehearsal may have met a moment of other load; what is late later corrects it
-CALM = 0.8  # more lateness than this: slower, if the run as a whole is as late as this; up to twice as much if not
+CALM = 0.8  # more lateness than this: slower, if the run as a whole is as late as this ...
+LEAST, MOST = 0.6, 1.2  # ... and less, or more, if it is later or more punctual
 IDLE = 0.4  # less than this: there is room to go faster
 BURSTS = 3.5  # what follows a landing or a thaw is so much more work than the rehearsal's wake-up
 STEEPEST = 0.6  # one step down is at most to this share
@@ -93,7 +94,7 @@ class Tally:
             return None
         # A delay in wall time weighs the less in emulated time the slower that goes.
         exact = scale * (lease_ms / 2) / worst
-        return max(ROUND, int(exact / ROUND) * ROUND)
+        return round(max(ROUND, int(exact / ROUND) * ROUND), 2)
 
 
 class Governor:
@@ -127,6 +128,8 @@ class Governor:
 
         timer, handled: lateness counted so far. thaws: how many there were. t_s, wall: now, emulated and monotonic.
         """
+        if not self.auto:
+            return self.scale
         late = self._late_ms(timer, handled, wall)
         calm = self._calm(timer, handled)
         since = wall - self._changed
@@ -149,7 +152,7 @@ class Governor:
         """How late the last moments may be: the bound is on the whole run, and one that was punctual has some left."""
         known = [late.p99 for counts in (timer, handled) if (late := _lateness(counts))]
         share = max(known, default=0.0) / self.bound_ms
-        return min(max(2 * CALM - share, CALM / 2), 2 * CALM)
+        return min(max(3 * CALM - 2 * share, LEAST), MOST)
 
     def _learn(self, late: float, calm: float, t_s: float) -> None:
         """Once a thaw's busy time is over: was braking too weak, or too strong?"""
@@ -173,6 +176,7 @@ class Governor:
 
     def _change(self, scale: float, reason: str, wall: float) -> None:
         self.scale, self.reason, self._changed = max(SLOWEST, scale), reason, wall
+        self._marks.clear()  # what was late at another scale says nothing about this one
 
 
 def _lateness(counts: NDArray[np.int64]) -> Lateness | None:

@@ -13,7 +13,10 @@ from swarmer.radio import Ears, ReplayWindow, heard
 from swarmer.state_machine import Identity, StateMachine
 from swarmer.streams import stream
 
-SPECIALISE, TOUCH = 40, 6  # rounds: until the interpreter has specialised the code; until the pages are copied
+SPECIALISE, TOUCH = (
+    40,
+    6,
+)  # rounds: until the interpreter has specialised the code; until the pages are copied
 
 
 def warm_up(run: RunSpec, spec: FlsSpec, rounds: int) -> None:
