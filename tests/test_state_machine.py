@@ -597,8 +597,11 @@ def test_who_is_deploying_adopts_the_epoch_and_stays_dark():
     assert happen(lone, "THAW 7 epoch 4") == []
     assert (lone.state, lone.m.epoch, lone.count(Count.THAWS_OBEYED)) == ("D flying", 4, 0)
     assert happen(lone, "INIT 7 epoch 2") == []
+    happen(lone, "NEIGHBOUR 3")
+    happen(lone, "THAW 7 epoch 5")
+    assert lone.m.beliefs.of(3) is None
     lone.feed(Landed())
-    assert challenge(lone).epoch == 4
+    assert challenge(lone).epoch == 5
 
 
 def test_the_own_thaw_names_the_next_epoch_and_the_new_swarm_id():

@@ -21,6 +21,7 @@ def obey_thaw(me: Memory, epoch: int, tell: bool = False) -> None:
     """Start again from here: ξ = FID, nothing owed, nothing believed (rule 11). tell: others, too."""
     me.epoch = epoch
     me.reminded.clear()
+    me.beliefs.clear()  # a dark FLS has heard some, too
     if me.state is D:
         return
     me.counts[THAWS_OBEYED] += 1
@@ -29,7 +30,7 @@ def obey_thaw(me: Memory, epoch: int, tell: bool = False) -> None:
     me.reach, me.challenge_taken = me.settings.range_start, True
     me.close_challenge()
     me.anchor = None
-    for table in (me.leases, me.holders, me.accepts, me.pending, me.beliefs):
+    for table in (me.leases, me.holders, me.accepts, me.pending):
         table.clear()
     me.policy.thawed()
     me.disarm(BOUND_TIMER, LEASE_TIMER, RENEW_TIMER)

@@ -1,7 +1,7 @@
 """What must hold after every event of a world, rule by rule (S1 to S16, tau = 0). `Watch(world)` and run the world.
 
-A rule that is broken raises `Broken`, which names rule, FLS and moment. A rule looks at one event: the machine as it was
-before and is now, and the actions it gave.
+A rule that is broken raises `Broken`, which names rule, FLS and moment. A rule looks at one event: the machine as it
+was before and is now, and the actions it gave.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ def s3_accept(watch: Watch, step: Step) -> str | None:
         assert message is not None
         if message.kind != Kind.CHALLENGE_INIT or message.swarm == m.swarm or was.flying:
             return "accepts what it may not"
-        if was.state is BL:
+        if m.state is BL:
             return "accepts while localizing"
         if m.state is not A and not message.flags & JOIN:
             if not m.anchoring:
@@ -203,9 +203,9 @@ def s4_pair(watch: Watch, step: Step) -> str | None:
     if role is None:
         return None
     joins = bool(message.flags & JOIN)
-    if m.settings.anchors is lowest and not (joins or step.was.joins) and m.settings.busy_join != "all":
-        if (role == "anchors") != (step.was.swarm < message.swarm):
-            return f"{role} against the Swarm-IDs"
+    by_id = m.settings.anchors is lowest and not (joins or step.was.joins) and m.settings.busy_join != "all"
+    if by_id and (role == "anchors") != (step.was.swarm < message.swarm):
+        return f"{role} against the Swarm-IDs"
     if asked:
         key = (step.fid, m.incarnation, message.challenge)
         watch.acks[key] += not joins
@@ -294,9 +294,9 @@ def s7_leases(watch: Watch, step: Step) -> str | None:
             return f"the lease of {fid} ends at {until:.4f}"
         if until != was.leases.get(fid) and not (isinstance(event, Received) and event.message.sender == fid):
             return f"{fid} did not ask for the lease it got"
-    if was.state is BA and m.state is not BA and not _thawed(step):
-        if not any(sent.kind == Kind.SET_AVAILABLE and sent.addressee == m.swarm for sent in step.sent):
-            return "its swarm is not told that it is free"
+    freed = was.state is BA and m.state is not BA and not _thawed(step)
+    if freed and not any(s.kind == Kind.SET_AVAILABLE and s.addressee == m.swarm for s in step.sent):
+        return "its swarm is not told that it is free"
     if m.state is not W or m.flying:
         return None
     message = _message(step)
@@ -370,10 +370,8 @@ def s12_ids(watch: Watch, step: Step) -> str | None:
     if message.incarnation < newest:
         return f"handles incarnation {message.incarnation} of {message.sender} after {newest}"
     watch.newest[m, message.sender] = message.incarnation
-    if m.settings.epochs and message.epoch < m.epoch:
-        if m.state is not step.was.state or any(sent.kind != Kind.THAW for sent in step.sent):
-            return "an old epoch has an effect"
-    return None
+    effect = m.state is not step.was.state or any(sent.kind != Kind.THAW for sent in step.sent)
+    return "an old epoch has an effect" if m.settings.epochs and message.epoch < m.epoch and effect else None
 
 
 def s16_always(watch: Watch, step: Step) -> str | None:
