@@ -238,4 +238,5 @@ def as_data(rules: Rules) -> dict[str, Any]:
 
 
 def from_data(data: dict[str, Any]) -> Rules:
-    return Rules(**{name: tuple(value) if isinstance(value, list) else value for name, value in data.items()})
+    fields: Any = {name: tuple(value) if isinstance(value, list) else value for name, value in data.items()}
+    return Rules(**fields)

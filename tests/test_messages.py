@@ -238,11 +238,13 @@ def test_who_has_no_key_passes_nothing():
     assert reason(plain + bytes(MAC_BYTES), KEY) == "mac"
 
 
-@given(messages, stamps, st.integers(0, 8 * MAX_SIZE - 1))
-def test_with_a_key_no_bit_may_change(message, stamp, bit):
-    data = bytearray(encode(message, stamp, KEY))
-    data[bit // 8] ^= 1 << bit % 8
-    assert reason(bytes(data), KEY) == "mac"
+@pytest.mark.parametrize("byte", range(MAX_SIZE))
+def test_with_a_key_no_bit_may_change(byte):
+    data = bytearray(encode(*EXAMPLE, KEY))
+    for bit in range(8):
+        data[byte] ^= 1 << bit
+        assert reason(bytes(data), KEY) == "mac"
+        data[byte] ^= 1 << bit
 
 
 @given(messages, messages, stamps)

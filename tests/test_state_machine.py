@@ -584,7 +584,7 @@ def test_whoever_hears_a_higher_epoch_thaws_once(state, word):
     assert lone.now <= lone.armed[Timer.CHALLENGE] <= lone.now + LAMBDA_S
     assert lone.now + 10.0 <= lone.armed[Timer.THAW] <= lone.now + 20.0
     armed = dict(lone.armed)
-    for copy in ("THAW 7 epoch 2", "THAW 3 epoch 2"):
+    for copy in ("THAW 7 epoch 2", "THAW 3 epoch 2", "later 1.0", "THAW 7 epoch 2"):
         assert happen(lone, copy) == []
     assert (lone.count(Count.THAWS_OBEYED), lone.armed) == (1, armed)
     if "flying" in state:

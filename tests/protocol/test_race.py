@@ -41,6 +41,19 @@ def message(kind, swarm=THEIRS, sender=7, other=MINE, epoch=3, challenge=11):
     )
 
 
+def test_what_is_answered_by_cancelling_is_answered_once():
+    """The handler does not see it again; all other verdicts leave one of the two to do the rest, or neither."""
+    assert (CANCEL.reply, CANCEL.queue, CANCEL.note) == (Kind.LEASE_CANCEL, False, False)
+    assert (QUEUE.reply, QUEUE.queue, QUEUE.note) == (None, True, False)
+    assert (DROP.reply, DROP.queue, DROP.note) == (None, False, False)
+    assert (NOTE.reply, NOTE.queue, NOTE.note) == (None, False, True)
+    assert (NOTE_AND_ANSWER.reply, NOTE_AND_ANSWER.queue, NOTE_AND_ANSWER.note) == (
+        Kind.NEIGHBOUR,
+        False,
+        True,
+    )
+
+
 def verdict(message, state, neighbours=frozenset({7}), reply=True):
     return judge(message, view(state), neighbours, reply)
 
