@@ -149,8 +149,12 @@ class Fls:
         self._outgoing: list[tuple[float, int, Message, bytes]] = []  # sent, not yet on the air
         self._due = [NEVER] * (FAILURE + 1)
         self._due[LAUNCH] = spec.launch_at_s
-        self._measuring: Message | None = None
-        self._measured_from: Vec3 = (0.0, 0.0, 0.0)
+        self._heard_from: Vec3 = (0.0, 0.0, 0.0)  # where the sender of the message in hand is
+        self._measured_from: Vec3 = (
+            0.0,
+            0.0,
+            0.0,
+        )  # where the anchor is: samples take time, others speak meanwhile
         self._shown: tuple[object, ...] = ()
         self.exit_status: int | None = None
         if rules.failure_rate > 0:
@@ -299,7 +303,7 @@ class Fls:
     def _take_message(self, queue: deque[tuple[Message, Stamp]], now: float) -> bool:
         message, stamp = queue.popleft()
         self.slot.handled_late((now - stamp.sent_at) * 1e3)
-        self._measured_from = stamp.origin
+        self._heard_from = stamp.origin
         self._feed(Received(message), now)
         return True
 
@@ -346,6 +350,7 @@ class Fls:
         elif kind is Fly:
             self._fly(action.vector, now)  # type: ignore[union-attr]
         elif kind is Measure:
+            self._measured_from = self._heard_from
             if self.sensor.delay_s > 0:
                 self._due[MEASURED] = now + self.sensor.delay_s
             else:

@@ -116,6 +116,14 @@ def test_delay_and_duplicates_and_reordering(tmp_path):
     assert summary["hd_min_cells"] < 1.0
 
 
+def test_a_sensor_that_takes_its_time_measures_its_anchor(tmp_path):
+    """While samples are taken others speak; whoever measured to them instead would fly anywhere."""
+    rules = ("sensing.samples=3", "sensing.sample_ms=20", "sensing.model=uniform", "sensing.error_percent=1")
+    summary = small(tmp_path, *(word for rule in rules for word in ("--set", rule)), duration=8)
+    assert summary["localizations"] > 5
+    assert summary["hd_min_cells"] < 1.0
+
+
 def test_signed_datagrams_are_believed(tmp_path):
     summary = small(tmp_path, "--set", "radio.mac=true")
     assert summary["localizations"] > 5
