@@ -1,0 +1,96 @@
+"""One FLS's two roles in this process, datagram by datagram."""
+
+import socket
+
+import pytest
+
+from swarmer.config import load_config
+from swarmer.fls_process import MEASURED, NEVER, Fls, FlsSpec, RunSpec
+from swarmer.messages import NO_SWARM, Kind, Message, Stamp, Swarm, To, encode
+from swarmer.plan import make_rules
+from swarmer.protocol.events import Launch
+from swarmer.state_machine import State
+from swarmer.telemetry import Phase, SharedMemory, Wire
+from swarmer.udp_wrapper import HOME, Wires
+
+RUN, SIZE = 5, 10
+
+
+@pytest.fixture
+def fls():
+    """FLS 3 of ten, landed and Available, whose sensor takes 60 ms."""
+    config = load_config(None, **{"sensing.samples": 3, "sensing.sample_ms": 20})
+    rules = make_rules(config, SIZE, 3, 100.0, "swarmer.plugins.signal_strength:SignalStrength")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind((HOME, 0))
+        port = free.getsockname()[1]
+    run = RunSpec(RUN, 1, b"", rules, Wires(port), 200.0, "single", ())
+    point = (10.0, 0.0, 0.0)
+    spec = FlsSpec(3, 0, point, (1, 2), 20.0, (1, 2), (5.0, 6.0), (0.0, 0.0, 0.0), 1e6, 0)
+    shared = SharedMemory(SIZE)
+    made = Fls(run, spec, shared)
+    made.clock.set(Phase.GO, 1.0, 0.0)
+    made._feed(Launch(point), 0.0)  # a flight of no length: it lands where it stands
+    assert made.work()
+    assert made.machine.state is State.AVAILABLE
+    made._due = [NEVER] * len(made._due)
+    yield made
+    made.close()
+
+
+def say(fls, kind, sender, number, origin=(0.0, 0.0, 0.0), to=To.FLS, addressee=Swarm(3, 0), run=RUN, **more):
+    message = Message(kind, sender, 0, 0, Swarm(sender, 0), 1, (5.0, 0.0, 0.0), to, addressee, **more)
+    fls.hear(encode(message, Stamp(run, number, origin, fls.clock.now())))
+
+
+def test_it_measures_to_its_anchor_whoever_speaks_meanwhile(fls):
+    say(fls, Kind.CHALLENGE_INIT, 1, 1, to=To.ALL, addressee=NO_SWARM, challenge=9, range=50.0)
+    assert fls.work()
+    say(fls, Kind.CHALLENGE_ACK, 1, 2, origin=(4.0, 1.0, 0.0), challenge=9, other=Swarm(3, 0))
+    assert fls.work()
+    assert fls.machine.state is State.BUSY_LOCALIZING
+    say(fls, Kind.NEIGHBOUR, 2, 1, origin=(90.0, 90.0, 90.0))
+    assert fls.work()
+    x = fls.position()
+    fls._due[MEASURED] = 0.0  # the samples are taken
+    measured = []
+    fls.machine.settings = fls.machine.settings._replace(localizer=Recorder(measured))
+    assert fls.work()
+    assert measured == [(4.0 - x[0], 1.0 - x[1], 0.0 - x[2])]
+
+
+class Recorder:
+    def __init__(self, into):
+        self.into = into
+
+    def displacement(self, measured, ground_truth):
+        self.into.append(measured)
+        return (0.0, 0.0, 0.0)
+
+
+def test_what_is_not_for_it_is_counted_and_dropped(fls):
+    counts = fls.network_counts
+    fls.hear(b"garbage")
+    say(fls, Kind.NEIGHBOUR, 2, 1, run=RUN + 1)
+    say(fls, Kind.NEIGHBOUR, 2, 2, addressee=Swarm(4, 0))
+    say(fls, Kind.NEIGHBOUR, SIZE + 1, 1)
+    say(fls, Kind.CHALLENGE_INIT, 2, 3, to=To.ALL, addressee=NO_SWARM, range=1.0)
+    say(fls, Kind.NEIGHBOUR, 2, 4)
+    say(fls, Kind.NEIGHBOUR, 2, 4)
+    seen = {wire: counts[wire] for wire in (Wire.BAD, Wire.OTHER_RUN, Wire.NOT_ADDRESSED, Wire.OUT_OF_RANGE)}
+    assert seen == {Wire.BAD: 2, Wire.OTHER_RUN: 1, Wire.NOT_ADDRESSED: 1, Wire.OUT_OF_RANGE: 1}
+    assert counts[Wire.DELIVERED] == 1
+    assert counts[Wire.REPLAYED] == 1
+    assert fls.work()
+    assert not fls.work()
+
+
+def test_urgent_messages_go_first(fls):
+    say(fls, Kind.CHALLENGE_INIT, 1, 1, to=To.ALL, addressee=NO_SWARM, challenge=9, range=50.0)
+    say(fls, Kind.SET_WAITING, 1, 2, to=To.SWARM)
+    handled = []
+    take = fls.machine.handle
+    fls.machine.handle = lambda event, now: handled.append(Kind(event.message.kind)) or take(event, now)
+    while fls.work():
+        pass
+    assert handled == [Kind.SET_WAITING, Kind.CHALLENGE_INIT]
