@@ -5,6 +5,7 @@ Exit status: 0 done, 1 the run failed, 2 bad input, 130 interrupted.
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import errno
 import importlib
@@ -46,7 +47,7 @@ COMMANDS = {
     "run": Lazy("swarmer.commands.run:command", "Run a shape: deploy, localize, record."),
     "replay": Lazy("swarmer.commands.replay:command", "Play a recorded run: viewer, web page or terminal."),
     "report": Lazy("swarmer.commands.report:command", "Write one HTML file about one or more runs."),
-    "shapes": Lazy("swarmer.commands.shapes:command", "List, show, make and check shapes."),
+    "shapes": Lazy("swarmer.commands.shapes:command", "List and show shapes."),
     "doctor": Lazy("swarmer.commands.doctor:command", "Tell what this machine can carry, and what to raise."),
 }
 
@@ -104,13 +105,50 @@ def swarmer() -> None:
     """
 
 
+class Forgiving:
+    """stderr that may go away: what nobody reads any more must not end a run."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """As of the stream, and without its errors."""
+        with contextlib.suppress(OSError, ValueError):
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """As of the stream, and without its errors."""
+        with contextlib.suppress(OSError, ValueError):
+            self._stream.flush()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+def stand_firm() -> None:
+    """Begin with three open descriptors, or the next file opened would become stdout; and do not die of stderr."""
+    for fd in range(3):
+        try:
+            os.fstat(fd)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number: this one
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 -- for as long as the process lives
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115
+    sys.stderr = Forgiving(sys.stderr)
+
+
 def main() -> NoReturn:
     """The command `swarmer`."""
+    stand_firm()
     leave(lambda: invoke(swarmer, "swarmer"))
 
 
 def main_run() -> NoReturn:
     """The command `swarmer-run`."""
+    stand_firm()
     leave(lambda: invoke(load("run"), "swarmer-run"))
 
 

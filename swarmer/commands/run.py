@@ -7,13 +7,14 @@ two. Everything else is imported once there is something to run.
 from __future__ import annotations
 
 import json
+import signal
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from swarmer.errors import RunFailed
+from swarmer.errors import BadInput, RunFailed
 
 if TYPE_CHECKING:
     from swarmer.config import RunConfig
@@ -38,7 +39,7 @@ INTERRUPTED = 130
 )
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Set any setting, as radio.loss=0.1; may be repeated.")  # fmt: skip
 @click.option("--dedupe", is_flag=True, help="Drop points that the shape has twice instead of refusing it.")
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="The run directory itself. [default: runs/SHAPE-TIME-SEED]")  # fmt: skip
+@click.option("--out", metavar="DIR", help="The run directory itself. [default: runs/SHAPE-TIME-SEED]")  # fmt: skip
 @click.option("--live", is_flag=True, help="Open the rerun viewer while it runs.")
 @click.option("--no-recording", is_flag=True, help="Do not write recording.rrd.")
 @click.option(
@@ -48,7 +49,7 @@ def command(
     config: str | None,
     overrides: tuple[str, ...],
     dedupe: bool,
-    out: Path | None,
+    out: str | None,
     live: bool,
     no_recording: bool,
     as_json: bool,
@@ -70,7 +71,20 @@ def command(
     if no_recording:
         flags["recording.enabled"] = False
     settings = load_config(config, [*overrides, *given], **flags)
-    return run(settings, out, live, as_json)
+    return run(settings, directory_named(out), live, as_json)
+
+
+def directory_named(out: str | None) -> Path | None:
+    """The path that --out names. Raises BadInput for what no directory can be called."""
+    if out is None:
+        return None
+    try:
+        out.encode()
+    except UnicodeEncodeError:
+        raise BadInput("out", out, "a directory's name, in characters that UTF-8 has") from None
+    if not out or "\0" in out or "\n" in out:
+        raise BadInput("out", out, "a directory's name, on one line")
+    return Path(out)
 
 
 def run(config: RunConfig, out: Path | None, live: bool, as_json: bool) -> int:
@@ -87,6 +101,8 @@ def run(config: RunConfig, out: Path | None, live: bool, as_json: bool) -> int:
         directory = RunDirectory.create(out, config.shape, config.seed, sys.argv)
         collector = Collector(directory, Panel(), live)
         result = play(engine, collector)
+    # From here on all that is left is writing down what there is; another Ctrl-C must not cut it off.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     summary = collector.finish(result)
     return close(summary, directory.path, as_json, collector)
 

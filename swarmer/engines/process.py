@@ -256,7 +256,7 @@ class _Run:
     # -- what the dispatcher says --------------------------------------------------------------------------------
 
     async def _listen(self, reader: asyncio.StreamReader) -> None:
-        while line := await reader.readline():
+        while line := await _line(reader):
             event = json.loads(line)
             kind = event["event"]
             if kind == "ended":
@@ -414,6 +414,14 @@ class _Run:
             result.suggested_time_scale = self.tally.suggestion(result.time_scale, lease_ms)
         self.reader.close()
         self.shared.close()
+
+
+async def _line(reader: asyncio.StreamReader) -> bytes:
+    """The next line; empty at the end, also at one that was no parting in good order."""
+    try:
+        return await reader.readline()
+    except ConnectionError:
+        return b""
 
 
 _EVENT_NAMES = {"failed": "failure", "departed": "departure", "died": "crash", "replaced": "replacement"}

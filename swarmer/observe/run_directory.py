@@ -168,8 +168,9 @@ def _take(out: Path) -> None:
             with disk_errors(out):
                 out.mkdir(parents=True)
             return
-    except ValueError as error:
-        raise BadInput("out", text, f"the path of a directory ({error})") from None
+    except (ValueError, OSError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise BadInput("out", text, f"the path of a directory that is new or empty ({reason})") from None
     if not out.is_dir():
         raise BadInput("out", text, "it is a file; the path of a directory that is new or empty")
     _clear(out)

@@ -3,13 +3,16 @@
 import contextlib
 import json
 import os
+import shlex
 import signal
 import socket
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 import pytest
-from helpers import children, dispatcher_of, events, flss_of, gone, run, start, wait_for
+from helpers import RUN, children, dispatcher_of, events, flss_of, gone, run, start, wait_for
 
 ARGUMENTS = ["--shape", "random", "--points", "20", "--duration", "60", "--no-recording"]
 
@@ -45,6 +48,42 @@ def test_interrupted_before_the_launch(tmp_path, after_s):
     process.communicate(timeout=30)
     assert process.returncode in (130, -signal.SIGINT)
     assert not children(process.pid)
+
+
+def test_interrupted_again_and_again(tmp_path):
+    process, flss = begun(tmp_path)
+    time.sleep(1)
+    for _ in range(4):
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.15)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 130, err
+    assert "Traceback" not in err
+    wait_for(lambda: gone(flss), 3)
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["status"] == "interrupted"
+
+
+@pytest.mark.parametrize(
+    "streams", ["2>&-", "2>/dev/full", ">&-", "<&- >&- 2>&-", "2>&1 >/dev/null | head -n 1"]
+)
+def test_a_run_outlives_its_listeners(tmp_path, streams):
+    """A pager that was left, a terminal that went away, closed descriptors: the run is finished all the same."""
+    command = [
+        sys.executable,
+        "-c",
+        RUN,
+        "--shape",
+        "random",
+        "--points",
+        "5",
+        "--duration",
+        "1",
+        "--no-recording",
+    ]
+    line = " ".join([*map(shlex.quote, command), "--out", "run", streams])
+    subprocess.run(["bash", "-c", line], cwd=tmp_path, timeout=60)
+    wait_for((tmp_path / "run" / "summary.json").exists, 10)
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["status"] == "done"
 
 
 def test_a_killed_engine_leaves_nobody(tmp_path):
@@ -127,6 +166,8 @@ def test_a_taken_port_is_refused_and_nothing_written(tmp_path):
         (["--engine", "virtual"], "engine: "),
         (["--points", "1"], "points: 1 is out of range"),
         (["--time-scale", "0"], "time_scale: 0 is out of range"),
+        (["--out", ""], "out: '' is not allowed"),
+        (["--out", "two\nlines"], "out: "),
     ],
 )
 def test_bad_input_is_one_line_and_writes_nothing(tmp_path, arguments, said):
