@@ -210,7 +210,9 @@ def make_machine(
         localizer=make_localizer(rules.technique),
     )
     challenges: ChallengePolicy = (
-        Decay(rules.challenge_decay) if rules.challenge_policy == "decay" else RComplete(rules.probe_every)
+        Decay(rules.challenge_decay)
+        if rules.challenge_policy == "decay"
+        else RComplete(rules.probe_every, identity.fid)
     )
     thaws = thaw.Timer(rules.thaw_h_s, rules.thaw_spread) if rules.thaw_policy == "timer" else thaw.Never()
     return StateMachine(identity, neighbours, settings, challenges, thaws, rng, counts, epoch)

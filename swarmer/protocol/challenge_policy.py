@@ -20,17 +20,21 @@ class ChallengePolicy(Protocol):
 
 
 class RComplete:
-    """Challenge until R-Complete (the paper); then only probe, at every `probe_every`-th tick (ours; 0: never)."""
+    """Challenge until R-Complete (the paper); then only probe, at every `probe_every`-th tick (ours; 0: never).
 
-    __slots__ = ("_idle_ticks", "probe_every")
+    `fid` sets which of them: the FLSs of a swarm become complete together and must not all probe together.
+    """
 
-    def __init__(self, probe_every: int) -> None:
+    __slots__ = ("_first", "_idle_ticks", "probe_every")
+
+    def __init__(self, probe_every: int, fid: int = 0) -> None:
         self.probe_every = probe_every
-        self._idle_ticks = 0
+        self._first = fid % probe_every if probe_every else 0
+        self._idle_ticks = self._first
 
     def challenges(self, complete: bool, rng: Random) -> bool:
         if not complete:
-            self._idle_ticks = 0
+            self._idle_ticks = self._first
             return True
         self._idle_ticks += 1
         return self.probe_every > 0 and self._idle_ticks % self.probe_every == 0
@@ -39,7 +43,7 @@ class RComplete:
         pass
 
     def thawed(self) -> None:
-        self._idle_ticks = 0
+        self._idle_ticks = self._first
 
 
 class Decay:

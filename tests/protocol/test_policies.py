@@ -23,6 +23,12 @@ def test_who_is_r_complete_probes_at_every_8th_tick():
     assert not any(ticks(RComplete(0), complete=True))
 
 
+def test_the_flss_of_a_swarm_do_not_all_probe_at_the_same_tick():
+    probes = {fid: ticks(RComplete(8, fid), complete=True).index(True) + 1 for fid in range(1, 17)}
+    assert sorted(probes.values()) == sorted([*range(1, 9)] * 2)
+    assert all(sum(ticks(RComplete(8, fid), complete=True)) == 5 for fid in probes)
+
+
 def test_idle_ticks_are_counted_anew():
     policy = RComplete(3)
     assert ticks(policy, True, 2) == [False, False]
