@@ -215,6 +215,15 @@ class Sample(NamedTuple):
     handled_late: NDArray[np.int64]
 
 
+class Load(NamedTuple):
+    """Totals over all FLSs since their processes began."""
+
+    timer_late: NDArray[np.int64]  # (BUCKETS,)
+    handled_late: NDArray[np.int64]  # (BUCKETS,)
+    delivered: int  # datagrams
+    epoch: int  # the newest
+
+
 class Reader:
     """Looks at all slots; belongs to the engine, which has numpy."""
 
@@ -240,12 +249,16 @@ class Reader:
         """(F,): how far each process has got."""
         return self._slots["life"].copy()
 
-    def lateness(self) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
-        """Timers' and messages' lateness summed over all FLSs, (BUCKETS,) each, and the newest epoch."""
+    def load(self) -> Load:
+        """How much the FLSs have had to do, and how late they were; cheaper than `sample`."""
         np = self._np
         slots = self._slots
-        timer = slots["timer_late"].sum(axis=0, dtype=np.int64)
-        return timer, slots["handled_late"].sum(axis=0, dtype=np.int64), int(slots["epoch"].max())
+        return Load(
+            timer_late=slots["timer_late"].sum(axis=0, dtype=np.int64),
+            handled_late=slots["handled_late"].sum(axis=0, dtype=np.int64),
+            delivered=int(slots["counters"][:, :, Wire.DELIVERED].sum()),
+            epoch=int(slots["epoch"].max()),
+        )
 
     def sample(self) -> Sample:
         """One look. The moment is that of the copy; every row is whole."""

@@ -47,6 +47,9 @@ def _raise_soft(limit: int, needed: int, count: int, what: str, how: str) -> Non
     if soft == resource.RLIM_INFINITY or soft >= needed:
         return
     if hard != resource.RLIM_INFINITY and hard < needed:
+        with contextlib.suppress(ValueError, OSError):  # root may
+            resource.setrlimit(limit, (needed, needed))
+            return
         raise BadInput(
             "points",
             count,

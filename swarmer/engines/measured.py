@@ -72,29 +72,33 @@ class _MeasuredRun(_Run):
 
     async def _wake_often(self) -> None:
         """Wake all, wait until they are done, and again."""
-        first = self.reader.lateness()[1]
+        first = self.reader.load().handled_late
         for _ in range(self.wakes):
-            before = int(self.reader.lateness()[1].sum())
+            before = int(self.reader.load().handled_late.sum())
             self.wake_all()
             deadline = time.monotonic() + WAKE_PATIENCE_S
-            while int(self.reader.lateness()[1].sum()) < before + self.count and time.monotonic() < deadline:
+            while (
+                int(self.reader.load().handled_late.sum()) < before + self.count
+                and time.monotonic() < deadline
+            ):
                 await self._sleep(0.01)
-        late = percentiles((self.reader.lateness()[1] - first).tolist())
+        late = percentiles((self.reader.load().handled_late - first).tolist())
         self.cost.wake_ms = None if late is None else Lateness(*late)
         self.tally.add(self.reader.sample())
         self.tally.start()
 
     async def _fly(self) -> None:
         before = {pid: cpu_seconds(pid) for pid in fls_pids()}
-        timer, handled, _ = self.reader.lateness()
+        load_before = self.reader.load()
         cpu, wall = time.process_time(), time.monotonic()
         await super()._fly()
         cost = self.cost
         cost.wall_s, cost.engine_cpu_s = time.monotonic() - wall, time.process_time() - cpu
         after = {pid: cpu_seconds(pid) for pid in fls_pids()}
         cost.fls_cpu_s = sum(max(0.0, now - before.get(pid, 0.0)) for pid, now in after.items())
-        timer_now, handled_now, _ = self.reader.lateness()
-        cost.timer_late, cost.handled_late = (timer_now - timer).tolist(), (handled_now - handled).tolist()
+        load = self.reader.load()
+        cost.timer_late = (load.timer_late - load_before.timer_late).tolist()
+        cost.handled_late = (load.handled_late - load_before.handled_late).tolist()
 
 
 WAKE_PATIENCE_S = 2.0

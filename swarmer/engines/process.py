@@ -84,7 +84,7 @@ class _Run:
         self.clock = Clock(self.shared)
         self.reader = Reader(self.shared, Velocity(*plan.rules.velocity))
         self.tally = Tally()
-        self.governor = Governor(self.config.time_scale, self.config.lease_ms)
+        self.governor = Governor(self.config.time_scale, self.config.lease_ms, self.count)
         self.result = RunResult("process", "done", 0.0, 0.0)
         self.events: dict[str, int] = {"failed": 0, "departed": 0, "died": 0, "replaced": 0}
         self.stopping = asyncio.Event()
@@ -300,14 +300,14 @@ class _Run:
         while self.governor.auto:
             await asyncio.sleep(LOOK_S)
             now = self.clock.now()
-            timer, handled, epoch = self.reader.lateness()
-            scale = self.governor.judge(timer, handled, epoch, now, time.monotonic())
+            load = self.reader.load()
+            scale = self.governor.judge(
+                load.timer_late, load.handled_late, load.delivered, load.epoch, now, time.monotonic()
+            )
             if scale != self.clock.scale and self.clock.phase == Phase.GO:
                 faster = scale > self.clock.scale
                 self.clock.set(Phase.GO, scale)
-                if (
-                    faster
-                ):  # those who wait must wait less long; for slower they wake early, look, and wait on
+                if faster:  # for slower, who sleeps wakes early, looks, and sleeps on
                     self.wake_all()
                 self.observer.event(Event(now, "time_scale", 0, f"{scale:.2f}: {self.governor.reason}"))
 
