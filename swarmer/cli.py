@@ -142,13 +142,11 @@ def stand_firm() -> None:
 
 def main() -> NoReturn:
     """The command `swarmer`."""
-    stand_firm()
     leave(lambda: invoke(swarmer, "swarmer"))
 
 
 def main_run() -> NoReturn:
     """The command `swarmer-run`."""
-    stand_firm()
     leave(lambda: invoke(load("run"), "swarmer-run"))
 
 
@@ -170,6 +168,7 @@ def leave(action: Callable[[], object]) -> NoReturn:
     """Do it, and end the process with the exit status and the one line that belong to how it went."""
     status: object = 0
     try:
+        stand_firm()
         status = action()
         sys.stdout.flush()
     except SwarmerError as error:

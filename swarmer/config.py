@@ -210,6 +210,11 @@ def contradictions(config: RunConfig) -> list[str]:
     start, most = config.range.start_cells, config.range.max_cells
     if start is not None and most is not None and start > most:
         return [f"range.start_cells: {start:g} is more than range.max_cells, {most:g}"]
+    if config.challenge_on_available and not config.accept_gap_ms:
+        # Two FLSs would challenge, accept and cancel without end, as fast as they can.
+        return [
+            "accept_gap_ms: 0 is not allowed with challenge_on_available: true; milliseconds, more than 0"
+        ]
     return []
 
 

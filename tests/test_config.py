@@ -151,7 +151,8 @@ def test_a_bad_value_is_refused_by_name(fact, data):
 @given(data=st.data())
 def test_a_good_value_survives_the_file(fact, data):
     value = data.draw(good_values(fact))
-    config = RunConfig.from_flat({fact.name: value})
+    besides = {"accept_gap_ms": 20} if fact.name == "challenge_on_available" else {}
+    config = RunConfig.from_flat({fact.name: value, **besides})
     assert RunConfig.from_flat(yaml_flat(config)) == config
 
 
@@ -262,6 +263,13 @@ def test_what_follows_from_the_defaults():
     assert config.changed(lease_ms=400).waiting_bound == 800
     assert (config.merge_limit, config.changed(m=2).merge_limit) == (math.inf, 2)
     assert "range.start_cells" in str(refused(range={"start_cells": 9, "max_cells": 5}))
+
+
+def test_accepting_without_a_gap_and_challenging_at_once_would_flood():
+    line = str(refused(challenge_on_available=True))
+    assert "accept_gap_ms" in line
+    assert "challenge_on_available" in line
+    assert load_config(challenge_on_available=True, accept_gap_ms=1).accept_gap_ms == 1
 
 
 FILES = {

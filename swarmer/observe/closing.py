@@ -54,7 +54,9 @@ def _table(summary: dict[str, Any]) -> list[str]:
 
 def _trust(summary: dict[str, Any]) -> list[str]:
     if summary.get("faithful") is None:
-        return []
+        return (
+            [] if summary.get("handled_late_ms") else ["  not known to be faithful: no message was handled"]
+        )
     timers, handled = summary.get("timer_late_ms") or {}, summary.get("handled_late_ms") or {}
     late = f"p99 late: timers {_ms(timers)}, messages {_ms(handled)}"
     if summary["faithful"]:

@@ -8,6 +8,7 @@ the directory is always a new one, `runs/<shape>-<time>-<seed>`.
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import json
 import os
@@ -39,6 +40,7 @@ CONFIG, MANIFEST, SUMMARY, EVENTS, LOG = (
 )
 RECORDING, TIMELINE, REPORT, TRACE = "recording.rrd", "timeline.npz", "report.html", "trace.jsonl.gz"
 FILES = (CONFIG, MANIFEST, SUMMARY, EVENTS, LOG, RECORDING, TIMELINE, REPORT, TRACE)
+DISK_FULL = {errno.ENOSPC, errno.EDQUOT}
 EVENT_COLUMNS = ("t_s", "kind", "fid", "text")
 LIBRARIES = ("numpy", "scipy", "rerun-sdk", "pydantic", "click", "rich")
 
@@ -165,10 +167,11 @@ def _take(out: Path) -> None:
                 "out", text, "it is a link to nothing; the path of a directory that is new or empty"
             )
         if not out.exists():
-            with disk_errors(out):
-                out.mkdir(parents=True)
+            out.mkdir(parents=True)
             return
     except (ValueError, OSError) as error:
+        if getattr(error, "errno", None) in DISK_FULL:
+            raise RunFailed(f"cannot make {out}: {error.strerror}") from None  # type: ignore[union-attr]
         reason = getattr(error, "strerror", None) or str(error)
         raise BadInput("out", text, f"the path of a directory that is new or empty ({reason})") from None
     if not out.is_dir():

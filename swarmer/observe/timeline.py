@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from swarmer.observe.files import PARTIAL, disk_errors, write_file
 
 NAME = "timeline.npz"
-CHUNK_SAMPLES = 100
+CHUNK_SAMPLES = 50
+FIRST_CHUNK_SAMPLES = 5  # the next ones are twice as long each: a run killed early has left something, too
 CHUNK_BYTES = 16 << 20
 COMPRESSION = 4  # of 9; half the time of the default 6 and 3 % larger
 
@@ -73,7 +74,7 @@ class TimelineWriter:
         """Take a frame; its arrays are copied into the types of the file."""
         own = [np.array(value, dtype=TYPES[name]) for name, value in zip(Frame._fields, frame, strict=True)]
         self._frames.append(Frame(*own))  # type: ignore[arg-type]
-        if len(self._frames) >= self._chunk_samples:
+        if len(self._frames) >= min(self._chunk_samples, FIRST_CHUNK_SAMPLES << min(len(self._chunks), 16)):
             self.flush()
 
     def flush(self) -> None:

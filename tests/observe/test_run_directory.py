@@ -57,7 +57,7 @@ def test_out_may_be_new_or_empty_only(tmp_path):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.tex").write_text("mine")
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
-    for taken in ("file", "full", "link"):
+    for taken in ("file", "full", "link", "file/below"):
         with pytest.raises(BadInput, match="out"):
             create(tmp_path / taken)
     assert (tmp_path / "file").read_text() == (tmp_path / "full" / "thesis.tex").read_text() == "mine"

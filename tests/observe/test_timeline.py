@@ -65,12 +65,12 @@ def test_killed_run_leaves_its_chunks(tmp_path):
         from swarmer.observe.timeline import Frame, TimelineWriter
         timeline.CHUNK_SAMPLES = 10
         writer = TimelineWriter(Path({str(tmp_path)!r}), np.zeros((3, 3)))
-        for k in range(25):
+        for k in range(33):
             writer.append(Frame(k, np.full((3, 3), k), np.ones(3), np.ones(3), np.ones(3), 1.0))
         os.kill(os.getpid(), signal.SIGKILL)
     """
     done = subprocess.run([sys.executable, "-c", textwrap.dedent(program)], check=False, env=dict(os.environ))
     assert done.returncode == -signal.SIGKILL
     run = load(tmp_path)
-    assert run.timeline.t_s.tolist() == list(range(20))
+    assert run.timeline.t_s.tolist() == list(range(25))  # chunks of 5, 10 and 10
     assert any("timeline.npz: cut" in line for line in run.missing)
