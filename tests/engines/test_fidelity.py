@@ -73,14 +73,14 @@ def test_an_overloaded_machine_runs_slower_and_is_seldom_late(overload, wake_ms)
     """What takes a wall second comes `overload` times in an emulated one, whatever the rehearsal promised."""
     machine = Machine(governor(wake_ms), lambda t: overload * 10_000).run(60)
     ungoverned = Machine(governor(wanted=1.0), lambda t: overload * 10_000).run(60)
-    assert machine.over() < 0.2 < 0.9 < ungoverned.over()
+    assert machine.over() < 0.04 < 0.9 < ungoverned.over()
     steady = np.mean(machine.scales[len(machine.scales) // 2 :])
     assert 0.5 / overload < steady < 1.05 / overload
 
 
 def test_it_braces_for_a_thaw_and_is_quick_again_when_that_is_over():
     machine = Machine(governor(), bursts(quiet=1500.0, busy=60_000.0)).run(60)
-    assert machine.over() < 0.1
+    assert machine.over() < 0.03
     assert max(machine.between(0.1, 1.5)) < 0.3
     assert min(machine.between(5.0, 10.0)) == 1.0
     assert machine.t_s / machine.wall > 0.25
@@ -89,7 +89,7 @@ def test_it_braces_for_a_thaw_and_is_quick_again_when_that_is_over():
 def test_a_wave_without_a_thaw_is_slowed_down_for_before_it_is_late():
     """The demand rises over a second; the scale follows it, not the lateness."""
     machine = Machine(governor(), lambda t: 2000 + 38_000 * max(0.0, 1 - abs(t % 10 - 7))).run(60)
-    assert machine.over() < 0.2
+    assert machine.over() < 0.06
     assert min(machine.between(6.8, 7.2)) < 0.5
 
 
