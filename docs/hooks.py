@@ -1,4 +1,4 @@
-"""Called by mkdocs: the page of the commands from the commands themselves, the protocol's table from the code."""
+"""Called by mkdocs: the page of the commands from the commands, the protocol's table and the gallery from the code."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from mkdocs.structure.files import File, Files
 from swarmer import cli
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+import gallery_page
 import protocol_table
 
 # What a page may hold in a line of its own, and who makes what stands there instead.
@@ -20,14 +21,18 @@ GENERATED = {
     "<!-- protocol: picture -->": protocol_table.picture_svg,
     "<!-- protocol: table -->": protocol_table.table_html,
     "<!-- protocol: rules -->": protocol_table.rules_html,
+    "<!-- gallery: tiles -->": gallery_page.tiles_html,
+    "<!-- gallery: shapes -->": gallery_page.shapes_markdown,
 }
 ROOT = Path(__file__).resolve().parent.parent
 SHOWN_FILE = re.compile(r"<!-- file: (\S+) -->")
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add `reference/commands.md` to the pages."""
+    """Add `reference/commands.md` to the pages, and the gallery's pictures beside it."""
     files.append(File.generated(config, "reference/commands.md", content=commands_page()))
+    for path, picture in gallery_page.pictures().items():
+        files.append(File.generated(config, path, content=picture))
     return files
 
 

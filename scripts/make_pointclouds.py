@@ -22,7 +22,18 @@ from swarmer.shapes.views import FRONT, SIDE, THREE_QUARTERS, TOP
 
 FOLDER = Path(__file__).resolve().parent.parent / "pointclouds"
 DECIMALS = 3  # of a cell: 0.05 mm
-MAKERS = {"dragon": "solids.dragon"}
+MAKERS = {
+    "dragon": "solids.dragon",
+    "hat": "solids.hat",
+    "skateboard": "solids.skateboard",
+    "racecar": "solids.racecar",
+    "statue": "solids.statue",
+    "chess": "solids.chess",
+    "butterfly": "solids.butterfly",
+    "butterfly1008": "solids.butterfly1008",
+    "cat": "solids.cat",
+    "teapot": "solids.teapot",
+}
 
 README = """# Point clouds
 
@@ -72,7 +83,10 @@ def row(name: str, points: NDArray[np.float64], plan: NeighbourPlan) -> str:
 
 
 def draw(name: str, points: NDArray[np.float64]) -> None:
-    """The picture of the shape from four sides."""
+    """The picture of the shape from four sides; of a flat one from the only side it has."""
+    if np.ptp(points[:, 2]) == 0:
+        draw_clouds([Panel(name, points, None, SIDE)], FOLDER / f"{name}.png", dpi=100)
+        return
     views = [("three quarters", THREE_QUARTERS), ("side", SIDE), ("front", FRONT), ("top", TOP)]
     panels = [Panel(f"{name}, {title}", points, None, view) for title, view in views]
     draw_clouds(panels, FOLDER / f"{name}.png", columns=2, dpi=100)

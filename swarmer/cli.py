@@ -47,7 +47,7 @@ COMMANDS = {
     "run": Lazy("swarmer.commands.run:command", "Run a shape: deploy, localize, record."),
     "replay": Lazy("swarmer.commands.replay:command", "Play a recorded run: viewer, web page or terminal."),
     "report": Lazy("swarmer.commands.report:command", "Write one HTML file about one or more runs."),
-    "shapes": Lazy("swarmer.commands.shapes:command", "List and show shapes."),
+    "shapes": Lazy("swarmer.commands.shapes:command", "List, show, check and make shapes."),
     "doctor": Lazy("swarmer.commands.doctor:command", "Tell what this machine can carry, and what to raise."),
 }
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 import manifold3d
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from swarmer.shapes.sampling import drawn_on_surface
 
@@ -109,3 +110,53 @@ def thinned(points: Array, gap: float) -> Array:
         if not kept or np.linalg.norm(np.array(kept) - point, axis=1).min() >= gap:
             kept.append(point)
     return np.array(kept)
+
+
+def drawn_on_sheets(sheets: Sequence[Array], count: int, seed: int) -> Array:
+    """`count` points (count, 3) drawn uniformly by area on grids (rows, columns, 3) of points."""
+    corners, faces, first = [], [], 0
+    for sheet in sheets:
+        rows, columns = sheet.shape[:2]
+        at = first + np.arange(rows * columns).reshape(rows, columns)
+        one, right, above, other = at[:-1, :-1], at[:-1, 1:], at[1:, :-1], at[1:, 1:]
+        faces += [
+            np.stack(three, axis=-1).reshape(-1, 3) for three in ((one, right, other), (one, other, above))
+        ]
+        corners.append(sheet.reshape(-1, 3))
+        first += rows * columns
+    return drawn_on_surface(np.vstack(corners), np.vstack(faces).astype(np.int64), count, seed)
+
+
+def settled(points: Array, fixed: int, candidates: Array, weight: Array, rounds: int = 12) -> Array:
+    """The points with all but the first `fixed` moved to the middle of what is nearest to them: Lloyd's way.
+
+    The middle is taken over the candidates, density `weight` squared as in `fill_up`, and the one
+    nearest to it is the new place, so that nothing leaves the surface.
+    """
+    moved, tree = points.copy(), cKDTree(candidates)
+    mass = weight**2
+    for _ in range(rounds):
+        owner = np.asarray(cKDTree(moved).query(candidates)[1])
+        total = np.bincount(owner, mass, minlength=len(moved))
+        owning = np.flatnonzero(total[fixed:]) + fixed
+        sums = np.column_stack(
+            [np.bincount(owner, mass * axis, minlength=len(moved)) for axis in candidates.T]
+        )
+        moved[owning] = candidates[np.asarray(tree.query(sums[owning] / total[owning, None])[1])]
+    return moved
+
+
+def spread(lines: Array, candidates: Array, weight: Array, count: int, gap: float) -> Array:
+    """`count` points (count, 3): the lines, thinned, then the candidates' blue noise, settled.
+
+    What comes nearer than `gap` cells to an earlier one while settling is put elsewhere.
+    """
+    fixed = thinned(lines, gap)
+    points = settled(fill_up(fixed, candidates, weight, count), len(fixed), candidates, weight)
+    return fill_up(thinned(points, gap), candidates, weight, count)
+
+
+def boxed(points: Array, box: Sequence[float]) -> Array:
+    """The points, stretched along each axis to fill the box exactly, lower corner at 0."""
+    at_corner = points - points.min(axis=0)
+    return np.asarray(at_corner * (np.array(box) / at_corner.max(axis=0)))

@@ -1,4 +1,4 @@
-"""`swarmer shapes`: the catalogue, and a look at one shape."""
+"""`swarmer shapes`: the catalogue, and a look at one shape. `make` and `check` have files of their own."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING
 
 import click
 
+from swarmer.commands.shapes_check import check
+from swarmer.commands.shapes_make import make
+from swarmer.commands.shapes_words import aligned, cloud_warnings
+
 if TYPE_CHECKING:
     from swarmer.shapes.cloud import PointCloud
     from swarmer.shapes.neighbours import NeighbourPlan
 
-COLUMNS = ("name", "points", "dim", "box (cells)", "nearest two", "parts", "longest link", "licence")
+COLUMNS = ("name", "points", "dim", "box (cells)", "nearest", "parts", "longest", "licence")
 
 
 @click.group(name="shapes", invoke_without_command=True)
@@ -21,8 +25,9 @@ COLUMNS = ("name", "points", "dim", "box (cells)", "nearest two", "parts", "long
 def command(ctx: click.Context) -> None:
     """List the shapes that a name stands for, with the facts of their neighbour graphs.
 
-    Lengths in display cells (5 cm). Parts: into how many pieces the graph of the 5 nearest neighbours falls
-    before the plan joins them. Longest link: between two planned neighbours.
+    Lengths in display cells (5 cm). Nearest: how far the nearest two points are apart. Parts: into how many pieces
+    the graph of the 5 nearest neighbours falls before the plan joins them. Longest: link between two planned
+    neighbours.
     """
     if ctx.invoked_subcommand is None:
         _list()
@@ -41,16 +46,21 @@ def _list() -> None:
                 name,
                 f"{len(cloud)}{'' if entry.make is None else ' *'}",
                 f"{cloud.dim}D",
-                _box(cloud),
+                " x ".join(f"{extent:.0f}" for extent in cloud.box_cells),
                 f"{plan.spacing_min_cells:.2f}",
                 str(plan.components),
                 f"{plan.longest_link_cells:.1f}",
                 cloud.licence,
             )
         )
-    for line in _aligned(rows):
+    for line in aligned(rows):
         click.echo(line)
-    click.echo("\n* any count: --points N. `swarmer shapes show NAME` draws one; a file is a shape too.")
+    click.echo("\n* made with any count: --points N. `swarmer shapes show NAME` draws one,")
+    click.echo("`check NAME` tells more, `make FILE` makes one of your points, mesh or picture.")
+
+
+command.add_command(make)
+command.add_command(check)
 
 
 @command.command()
@@ -85,9 +95,9 @@ def show(shape: str, points: int | None, dedupe: bool, eta: int | None, seed: in
         ascii_only=not _speaks_braille(),
     )
     click.echo(picture + "\n", color=True)  # its codes are there on a terminal only
-    for line in _aligned(_facts(cloud, plan)):
+    for line in aligned(_facts(cloud, plan)):
         click.echo(line)
-    for line in _warnings(cloud, plan):
+    for line in cloud_warnings(cloud, plan):
         click.echo(line, err=True)
     if out is not None:
         _draw(cloud, out)
@@ -108,19 +118,6 @@ def _facts(cloud: PointCloud, plan: NeighbourPlan) -> list[tuple[str, ...]]:
         ("licence", cloud.licence),
     ]
     return [*facts, ("credit", cloud.credit)] if cloud.credit else facts
-
-
-def _warnings(cloud: PointCloud, plan: NeighbourPlan) -> list[str]:
-    from swarmer.shapes.cloud import SMALLEST_SPACING
-
-    # A light of its own for each display cell; generated gaps may miss it by rounding.
-    if plan.spacing_min_cells >= SMALLEST_SPACING * (1 - 1e-9):
-        return []
-    factor = SMALLEST_SPACING / plan.spacing_min_cells
-    return [
-        f"warning: {cloud.name}: points come as near as {plan.spacing_min_cells:.3g} cells; lights need "
-        f"{SMALLEST_SPACING:g}, so scale the shape by {factor:.3g}"
-    ]
 
 
 def _refuse_picture(out: Path) -> None:
@@ -147,13 +144,6 @@ def _draw(cloud: PointCloud, out: Path) -> None:
 
 def _box(cloud: PointCloud) -> str:
     return " x ".join(f"{round(extent, 1):g}" for extent in cloud.box_cells)
-
-
-def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
-    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-    ]
 
 
 def _speaks_braille() -> bool:

@@ -110,9 +110,10 @@ def _refuse_bad_numbers(name: str, points: Points) -> None:
 
 
 def _without_duplicates(name: str, points: Points, duplicates: str) -> tuple[Points, int]:
-    _, first, copies = np.unique(points, axis=0, return_index=True, return_counts=True)
-    if len(first) == len(points):
+    in_order = points[np.lexsort(points.T)]
+    if not (in_order[1:] == in_order[:-1]).all(axis=1).any():  # a third of the time of what follows
         return points, 0
+    _, first, copies = np.unique(points, axis=0, return_index=True, return_counts=True)
     if len(first) == 1:
         raise BadShape(
             f"{name}: all {len(points)} points are equal, {_tuple(points[0])}; at least 2 must differ"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -20,6 +21,7 @@ from swarmer.shapes.sampling import spread_choice, surface_sample
 from swarmer.shapes.text_files import read_text, read_xyz
 
 FILE_BYTES_MAX = 512 * 2**20
+PICTURES = frozenset((".png", ".jpg", ".jpeg", ".gif", ".bmp", ".tif", ".tiff", ".webp", ".svg"))
 
 
 class _Format(NamedTuple):
@@ -53,14 +55,45 @@ def read_cloud(
     size, so its spacing may come out under one cell: nothing is scaled here.
     Raises BadShape (`shape: ...`, one line) and BadInput (`points`).
     """
-    where = _end_of(str(path))
+    content = read_content(path)
+    return _cloud(content, path, end_of(str(path)), points, duplicates, seed)
+
+
+def read_content(path: Path) -> NDArray[Any] | Mesh:
+    """What the file holds, in its own unit: rows (N, 2) or (N, 3), not yet looked at, or a mesh.
+
+    Raises BadShape (`shape: ...`, one line that names the file).
+    """
+    where = end_of(str(path))
     _refuse_what_is_no_file(path, where)
     form = FORMATS.get(path.suffix.lower())
     if form is None:
-        raise BadShape(f"{where}: {path.suffix or 'no suffix'} is not known; one of {' '.join(FORMATS)}")
-    with _naming(where, path.suffix):
-        content = form.read(path.read_bytes())
-    return _cloud(content, path, where, points, duplicates, seed)
+        raise BadShape(f"{where}: {_not_known(path)}")
+    with naming(where, path.suffix):
+        return form.read(path.read_bytes())
+
+
+def read_bytes(path: Path) -> bytes:
+    """All of a plain file that is neither empty nor too large. Raises BadShape, naming it."""
+    where = end_of(str(path))
+    _refuse_what_is_no_file(path, where)
+    with naming(where, path.suffix):
+        return path.read_bytes()
+
+
+def _not_known(path: Path) -> str:
+    if path.suffix.lower() in PICTURES:
+        name = pasteable(path) if len(str(path)) <= 70 else "FILE"
+        return (
+            f"a picture is no cloud; `swarmer shapes make {name} --points N` makes one of a PNG's silhouette"
+        )
+    return f"{path.suffix or 'no suffix'} is not known; one of {' '.join(FORMATS)}"
+
+
+def pasteable(path: Path) -> str:
+    """The path as a shell takes it for a file: quoted where it must be, and never mistaken for an option."""
+    text = str(path)
+    return shlex.quote("./" + text if text.startswith("-") else text)
 
 
 def _cloud(
@@ -70,7 +103,7 @@ def _cloud(
     finish = partial(make_cloud, path.stem, licence="the file's own", called=where, duplicates=duplicates)
     if points is not None and isinstance(content, Mesh) and len(content.faces):
         finish(rows, source=path.name)  # for its checks alone
-        with _naming(where, path.suffix):
+        with naming(where, path.suffix):
             sample = surface_sample(rows, content.faces, points, seed)
         return finish(sample, source=f"{points} points of the surface in {path.name}")
     cloud = finish(rows, source=path.name)
@@ -99,7 +132,7 @@ def _refuse_what_is_no_file(path: Path, where: str) -> None:
 
 
 @contextmanager
-def _naming(where: str, suffix: str) -> Iterator[None]:
+def naming(where: str, suffix: str) -> Iterator[None]:
     """Make one line that names the file of whatever is raised while it is read."""
     try:
         yield
@@ -113,7 +146,7 @@ def _naming(where: str, suffix: str) -> Iterator[None]:
         raise BadShape(f"{where}: cannot be read as {suffix}: {_reason(error)}") from None
 
 
-def _end_of(path: str) -> str:
+def end_of(path: str) -> str:
     """The path as error lines show it: its end, where it is long."""
     return shown(path if len(path) <= 70 else "…" + path[-69:])
 

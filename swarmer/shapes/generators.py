@@ -1,4 +1,4 @@
-"""Shapes made from a count alone: sphere, cube, random. Their lower corner lies at `CORNER`."""
+"""Shapes made from a count alone: sphere, cube, knot, random. Their lower corner lies at `CORNER`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from swarmer.shapes.cloud import Points
 
 CORNER = 3.0  # cells, of every shape of the catalogue: the dispatcher at (0, 0, 0) stays outside
 SPACING = 2.0  # cells between nearest points of sphere and cube
+KNOT_RADII = (2.0, 1.0)  # of the torus and of its tube, in one another's unit
 RANDOM_GAP = 1.0  # cells, least distance of two random points
 RANDOM_ROOM = 27.0  # cubic cells per random point, so some 3 cells from one to the next
 
@@ -43,6 +44,23 @@ def cube(count: int, seed: int = 0) -> Points:
     pair = np.minimum(row, row[::-1])  # product order: the opposite of row i is row -1 - i
     keep = np.sort(np.lexsort((row, pair, far))[:count])
     return to_corner(lattice[keep] * SPACING)
+
+
+def knot(count: int, seed: int = 0) -> Points:
+    """`count` points evenly along a trefoil, the (2, 3) torus knot, (count, 3), nearest two 2 cells apart.
+
+    The curve runs twice around the torus and three times through it. `seed` is not used.
+    """
+    turn = np.linspace(0, 2 * np.pi, 64 * count + 1)
+    ring = KNOT_RADII[0] + KNOT_RADII[1] * np.cos(3 * turn)
+    curve = np.column_stack(
+        [ring * np.cos(2 * turn), ring * np.sin(2 * turn), KNOT_RADII[1] * np.sin(3 * turn)]
+    )
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
+    at = np.arange(count) * length[-1] / count
+    points = np.column_stack([np.interp(at, length, column) for column in curve.T])
+    gap = np.asarray(cKDTree(points).query(points, k=[2])[0]).min()
+    return to_corner(points * (SPACING / gap))
 
 
 def random(count: int, seed: int = 0) -> Points:

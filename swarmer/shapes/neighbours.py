@@ -7,7 +7,9 @@ neighbours in its swarm" implies "one swarm".
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,16 +23,47 @@ from swarmer.shapes.cloud import Points
 
 ETA = 5
 MODES = ("connected", "nearest")
+QUERIED = 1_000_000  # candidates looked at together: what bounds the memory
 
 Rows = NDArray[np.int64]  # 0-based rows of the cloud; FID = row + 1
 Cells = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class NeighbourLists(Sequence[tuple[int, ...]]):
+    """The planned neighbours of FID i + 1 at i: FIDs, nearest first, ties by lower FID.
+
+    Held as two arrays, for a million FLSs would be gigabytes of tuples; each tuple is made when it is asked for.
+
+    >>> lists = NeighbourLists(np.array([2, 1, 3, 2]), np.array([0, 1, 3, 4]))
+    >>> lists[1], list(lists)
+    ((1, 3), [(2,), (1, 3), (2,)])
+    """
+
+    fids: NDArray[np.integer]  # of all lists, one after the other
+    starts: NDArray[np.integer]  # (F + 1,): list i is fids[starts[i]:starts[i + 1]]
+
+    def __len__(self) -> int:
+        return len(self.starts) - 1
+
+    @overload
+    def __getitem__(self, row: int) -> tuple[int, ...]: ...
+
+    @overload
+    def __getitem__(self, row: slice) -> tuple[tuple[int, ...], ...]: ...
+
+    def __getitem__(self, row: int | slice) -> tuple[int, ...] | tuple[tuple[int, ...], ...]:
+        if isinstance(row, slice):
+            return tuple(self[at] for at in range(*row.indices(len(self))))
+        at = range(len(self))[row]
+        return tuple(self.fids[self.starts[at] : self.starts[at + 1]].tolist())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class NeighbourPlan:
     """The planned neighbours of every FLS and what kind of graph they make."""
 
-    neighbours: tuple[tuple[int, ...], ...]  # of FID i + 1 at i: FIDs, nearest first, ties by lower FID
+    neighbours: NeighbourLists
     eta: int  # resolved
     mode: str  # connected | nearest
     components: int  # of the η-nearest graph, links taken both ways, before any link was added
@@ -53,24 +86,29 @@ def neighbour_plan(points: Points, eta: int | None = None, mode: str = "connecte
     if mode not in MODES:
         raise BadInput("neighbours", mode, "connected (default) or nearest")
     nearest, distance = _nearest(points, eta)
-    near = np.column_stack([np.repeat(np.arange(count), eta), nearest.ravel()])
-    label = _labels(near, count)
-    components = int(label.max()) + 1
-    links, added = near, 0
+    links = _keys(np.repeat(np.arange(count), eta), nearest.ravel(), count)
+    del nearest
+    links.sort()
+    label = _labels(links, count)
+    components, added = int(label.max()) + 1, 0
+    one_way_share = _one_way_share(links, count)
     if mode == "connected":
-        bridges = shortest_bridges(points, label)
-        added = len(bridges)
-        links = np.unique(np.concatenate([near, near[:, ::-1], bridges, bridges[:, ::-1]]), axis=0)
-    neighbours, reach, degree = _sorted_neighbours(points, links, count)
+        low, high = shortest_bridges(points, label).T
+        added = len(low)
+        links = np.concatenate(
+            [links, _reversed(links, count), _keys(low, high, count), _keys(high, low, count)]
+        )
+        links = _each_once(links)
+    lists, reach = _sorted_lists(points, links)
     return NeighbourPlan(
-        neighbours=neighbours,
+        neighbours=lists,
         eta=eta,
         mode=mode,
         components=components,
         added_links=added,
         longest_link_cells=float(reach.max()),
-        one_way_share=_one_way_share(near, count),
-        mean_degree=float(degree.mean()),
+        one_way_share=one_way_share,
+        mean_degree=len(lists.fids) / count,
         spacing_min_cells=float(distance[:, 0].min()),
         reach_cells=reach,
     )
@@ -108,11 +146,11 @@ def _nearest(points: Points, k: int) -> tuple[Rows, Cells]:
     if k == 0:
         return rows, distance
     tree = cKDTree(points)
-    left = np.arange(count)
-    asked = min(count, k + 9)
+    left = np.asarray(tree.indices)  # near ones after one another: what the tree read is still at hand
+    asked = min(count, k + 3)
     while len(left):
         undecided = []
-        for part in np.array_split(left, max(1, len(left) * asked // 2_000_000)):
+        for part in np.array_split(left, max(1, len(left) * asked // QUERIED)):
             found, squared = _candidates(tree, points, part, asked)
             rows[part], distance[part] = found[:, :k], np.sqrt(squared[:, :k])
             # The last one is the point itself, at infinity: the one before is the farthest asked for.
@@ -131,28 +169,43 @@ def _candidates(tree: cKDTree, points: Points, part: Rows, asked: int) -> tuple[
     return np.take_along_axis(found, order, axis=1), np.take_along_axis(squared, order, axis=1)
 
 
+# A link from row i to row j is the number i * F + j: sorting and comparing those is cheap.
+
+
+def _keys(start: Rows, end: Rows, count: int) -> Rows:
+    return start * count + end
+
+
+def _reversed(links: Rows, count: int) -> Rows:
+    return _keys(links % count, links // count, count)
+
+
+def _each_once(links: Rows) -> Rows:
+    links.sort()
+    return links[np.concatenate([[True], links[1:] != links[:-1]])]
+
+
 def _labels(links: Rows, count: int) -> NDArray[np.int64]:
-    graph = coo_array((np.ones(len(links), dtype=np.int8), (links[:, 0], links[:, 1])), shape=(count, count))
+    ones = np.ones(len(links), dtype=np.int8)
+    graph = coo_array((ones, (links // count, links % count)), shape=(count, count))
     return connected_components(graph.tocsr(), directed=False)[1].astype(np.int64)
 
 
-def _one_way_share(near: Rows, count: int) -> float:
-    there = near[:, 0] * count + near[:, 1]
-    back = near[:, 1] * count + near[:, 0]
-    return float(1 - np.isin(back, there).mean())
+def _one_way_share(links: Rows, count: int) -> float:
+    """Of the sorted links, how many are not there the other way."""
+    back = _reversed(links, count)
+    at = np.minimum(np.searchsorted(links, back), len(links) - 1)
+    return float(1 - (links[at] == back).mean())
 
 
-def _sorted_neighbours(
-    points: Points, links: Rows, count: int
-) -> tuple[tuple[tuple[int, ...], ...], Cells, NDArray[np.int64]]:
-    squared = ((points[links[:, 0]] - points[links[:, 1]]) ** 2).sum(axis=1)
-    links = links[np.lexsort((links[:, 1], squared, links[:, 0]))]
-    degree = np.bincount(links[:, 0], minlength=count)
-    end = np.cumsum(degree)
-    fids = (links[:, 1] + 1).tolist()
-    neighbours = tuple(
-        tuple(fids[last - size : last]) for last, size in zip(end.tolist(), degree.tolist(), strict=True)
-    )
-    farthest = links[end - 1]
-    reach = np.sqrt(((points[farthest[:, 0]] - points[farthest[:, 1]]) ** 2).sum(axis=1))
-    return neighbours, reach, degree
+def _sorted_lists(points: Points, links: Rows) -> tuple[NeighbourLists, Cells]:
+    """The lists of the sorted links, each by distance, then FID; and the length of each list's last link."""
+    count = len(points)
+    start, end = links // count, links % count
+    squared = np.empty(len(links))
+    for chunk in np.array_split(np.arange(len(links)), 1 + len(links) // QUERIED):
+        squared[chunk] = ((points[start[chunk]] - points[end[chunk]]) ** 2).sum(axis=1)
+    order = np.lexsort((squared, start))  # stable: equal ones stay in the order of their FIDs
+    starts = np.concatenate([[0], np.cumsum(np.bincount(start, minlength=count))])
+    reach = np.sqrt(squared[order[starts[1:] - 1]])
+    return NeighbourLists((end[order] + 1).astype(np.uint32), starts), reach

@@ -10,7 +10,10 @@ understood; a count that is not kept means that the file was cut, and is refused
 
 from __future__ import annotations
 
+import io
+import math
 import re
+from array import array
 from typing import Any
 
 import numpy as np
@@ -22,6 +25,7 @@ from swarmer.shapes.errors import BadShape
 
 _BETWEEN = re.compile(r"[\s,;]+")
 _DECIMAL_COMMA = re.compile(r"\d,\d")
+LINE_MAX = 10_000  # characters: a row of a cloud with colours and normals has some 200
 
 
 def read_text(data: bytes) -> NDArray[Any]:
@@ -37,11 +41,15 @@ def read_xyz(data: bytes) -> NDArray[Any]:
 def _parsed(data: bytes, *, labels: bool) -> NDArray[Any]:
     if b"\0" in data[:4096]:
         raise BadShape("not a text file")
-    rows: list[list[float]] = []
-    columns = 0
+    rows = array("d")  # one after the other: lists of floats would be ten times the memory
+    columns = count = 0
     declared: int | None = None
     seen = 0  # lines with something in them
-    for number, line in enumerate(data.decode("utf-8-sig", errors="replace").splitlines(), start=1):
+    for number, line in enumerate(io.TextIOWrapper(io.BytesIO(data), "utf-8-sig", "replace"), start=1):
+        if len(line) > LINE_MAX:
+            raise BadShape(
+                f"line {number}: {len(line):,} characters; a line of points has at most {LINE_MAX:,}"
+            )
         fields = _fields(line, number)
         if not fields:
             continue
@@ -52,19 +60,20 @@ def _parsed(data: bytes, *, labels: bool) -> NDArray[Any]:
         if labels and len(fields) > 3 and _number(fields[0]) is None:
             fields = fields[1:]
         values = [_number(field) for field in fields[:3]]
-        if not rows and _is_header(values, seen, declared is not None, labels):
+        if not count and _is_header(values, seen, declared is not None, labels):
             continue
-        rows.append(_row(values, fields, columns or len(values), number))
-        columns = len(rows[0])
-        if len(rows) > POINTS_MAX:
-            raise BadShape(f"more than {POINTS_MAX:,} points")
-    if not rows:
+        row = _row(values, fields, columns or len(values), number)
+        rows.extend(row)
+        columns, count = len(row), count + 1
+        if count > POINTS_MAX:
+            raise BadShape(f"line {number}: more than {POINTS_MAX:,} points")
+    if not count:
         raise BadShape("no points in it")
-    if declared is not None and declared != len(rows):
+    if declared is not None and declared != count:
         raise BadShape(
-            f"its first line says {declared} points, {len(rows)} follow; the file was cut or is no cloud"
+            f"its first line says {declared} points, {count} follow; the file was cut or is no cloud"
         )
-    return np.array(rows)
+    return np.frombuffer(rows, dtype=np.float64).reshape(count, columns)
 
 
 def _is_header(values: list[float | None], seen: int, counted: bool, labels: bool) -> bool:
@@ -96,7 +105,7 @@ def _row(values: list[float | None], fields: list[str], columns: int, number: in
     for value, field in zip(values, fields, strict=False):
         if value is None:
             raise BadShape(f"line {number}: {shown(field)} is not a number")
-        if not np.isfinite(value):
+        if not math.isfinite(value):
             raise BadShape(f"line {number}: {shown(field)} is not a finite number")
         row.append(value)
     return row

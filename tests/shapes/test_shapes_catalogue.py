@@ -5,10 +5,12 @@ import pytest
 
 from swarmer.errors import BadInput
 from swarmer.shapes import generators
-from swarmer.shapes.catalogue import CATALOGUE, PLANNED, data_dir, load_shape
+from swarmer.shapes.catalogue import CATALOGUE, data_dir, load_shape
 from swarmer.shapes.cloud import make_cloud
 from swarmer.shapes.errors import BadShape
 from swarmer.shapes.neighbours import nearest_table
+
+FLAT = ("butterfly", "butterfly1008", "cat", "teapot")
 
 
 def cloud(rows, **options):
@@ -22,14 +24,15 @@ def least_gap(points):
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_every_name_of_the_catalogue_loads(name):
     shape = load_shape(name)
-    assert (shape.name, len(shape), shape.dim, shape.dropped) == (name, CATALOGUE[name].points, 3, 0)
+    dim = 2 if name in FLAT else 3
+    assert (shape.name, len(shape), shape.dim, shape.dropped) == (name, CATALOGUE[name].points, dim, 0)
     np.testing.assert_allclose(shape.points.min(axis=0), 3)
     assert least_gap(shape.points) >= 1
     assert shape.licence
     assert shape.source
 
 
-@pytest.mark.parametrize("name", ["sphere", "cube", "random"])
+@pytest.mark.parametrize("name", ["sphere", "cube", "knot", "random"])
 @pytest.mark.parametrize("count", [2, 3, 7, 64, 65, 101, 1000])
 def test_a_made_shape_has_exactly_the_points_asked_for(name, count):
     points = load_shape(name, points=count).points
@@ -81,9 +84,7 @@ def test_an_unknown_name_gets_the_nearest_one():
     assert refusal.value.exit_status == 2
 
 
-@pytest.mark.parametrize(
-    "name", [*PLANNED, "zzz", "", " ", "a\nb", "x" * 5000, "a\0b", "../dragon", "/", "."]
-)
+@pytest.mark.parametrize("name", ["zzz", "", " ", "a\nb", "x" * 5000, "a\0b", "../dragon", "/", "."])
 def test_any_other_name_ends_in_one_short_line(name):
     with pytest.raises(BadShape) as refusal:
         load_shape(name)

@@ -1,16 +1,10 @@
 """The dragon as it is shipped, and made anew."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
-import pytest
+from remake import assert_made_anew, remaking
 
 from swarmer.shapes.catalogue import data_dir, load_shape
 from swarmer.shapes.neighbours import neighbour_plan
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_the_dragon_keeps_its_count_box_and_gap():
@@ -44,16 +38,6 @@ def test_it_stands_upright_and_its_wings_are_the_widest_part():
     assert head[:, 1].min() > 30
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(importlib.util.find_spec("manifold3d") is None, reason="needs the extra `shapes`")
+@remaking
 def test_the_script_makes_it_anew(monkeypatch):
-    monkeypatch.syspath_prepend(ROOT / "scripts")
-    spec = importlib.util.spec_from_file_location(
-        "make_pointclouds", ROOT / "scripts" / "make_pointclouds.py"
-    )
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    made = script.made("dragon")
-    for name in [name for name in sys.modules if name.partition(".")[0] == "solids"]:
-        del sys.modules[name]
-    np.testing.assert_allclose(made, load_shape("dragon").points, atol=0.002)
+    assert_made_anew("dragon", monkeypatch)

@@ -1,11 +1,5 @@
 """Every format, written and read back; and what a file that cannot be used is told."""
 
-import io
-import json
-import os
-import struct
-import zlib
-
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -123,17 +117,6 @@ def test_bad_arrays(tmp_path, array, line):
     assert line in refusal(tmp_path / "p.npy")
 
 
-def test_an_array_header_that_promises_the_world(tmp_path):
-    for shape in ((10**12, 3), (10**6, 3), (3, 10**12)):
-        file = io.BytesIO()
-        header = {"descr": "<f8", "fortran_order": False, "shape": shape}
-        np.lib.format.write_array_header_1_0(file, header)
-        assert (
-            "at most" in (line := refusal(write(tmp_path / "p.npy", file.getvalue())))
-            or "ends before" in line
-        )
-
-
 @pytest.mark.parametrize("version", ["4", "5"])
 @pytest.mark.parametrize("compressed", [False, True])
 def test_mat(tmp_path, version, compressed):
@@ -150,15 +133,6 @@ def test_a_mat_file_must_leave_no_choice(tmp_path):
     savemat(tmp_path / "complex.mat", {"a": POINTS * 1j})
     assert "real numbers" in refusal(tmp_path / "complex.mat")
     assert "HDF5" in refusal(write(tmp_path / "new.mat", b"MATLAB 7.3 MAT-file" + b" " * 200))
-
-
-@pytest.mark.slow
-def test_a_mat_file_that_unpacks_without_end(tmp_path):
-    bomb = zlib.compress(bytes(300 * 2**20), 9)
-    head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
-    assert "unpacks to more than" in refusal(
-        write(tmp_path / "b.mat", head + struct.pack("<II", 15, len(bomb)) + bomb)
-    )
 
 
 @pytest.fixture(scope="module")
@@ -206,21 +180,6 @@ def test_vertices_that_no_face_uses_are_left_out(tmp_path):
     assert load_shape(path).points.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
 
 
-@pytest.mark.parametrize("count", [10**12, 10**6])
-def test_mesh_headers_that_promise_the_world(tmp_path, count):
-    ply = f"ply\nformat binary_little_endian 1.0\nelement vertex {count}\nproperty float x\nend_header\n"
-    assert "elements, the file has" in (line := refusal(write(tmp_path / "p.ply", ply))) or "at most" in line
-    assert "f" in refusal(write(tmp_path / "p.off", f"OFF\n{count} {count} 0\n0 0 0\n"))
-    accessor = {"componentType": 5126, "count": count * 100, "type": "VEC3"}
-    part = {"primitives": [{"attributes": {"POSITION": 0}}]}
-    tree = {"asset": {"version": "2.0"}, "accessors": [accessor], "meshes": [part],
-            "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}  # fmt: skip
-    chunk = json.dumps(tree).encode()
-    chunk += b" " * (-len(chunk) % 4)
-    glb = struct.pack("<4sIIII", b"glTF", 2, 20 + len(chunk), len(chunk), 0x4E4F534A) + chunk
-    assert "at most" in refusal(write(tmp_path / "p.glb", glb))
-
-
 @pytest.mark.parametrize("suffix", sorted(FORMATS))
 def test_nonsense_in_every_format(tmp_path, suffix):
     contents = (b"\x00" * 64, b"\xff" * 200, b"nonsense", b"{}", b"1", b"solid\n", b"OFF\n", b"ply\n")
@@ -228,16 +187,8 @@ def test_nonsense_in_every_format(tmp_path, suffix):
         assert refusal(write(tmp_path / f"{number}{suffix}", content)).startswith("shape: ")
 
 
-def test_what_is_no_file(tmp_path):
-    (tmp_path / "dir.xyz").mkdir()
-    assert "is a directory" in refusal(tmp_path / "dir.xyz")
-    assert "no such file" in refusal(tmp_path / "absent.xyz")
-    os.mkfifo(tmp_path / "pipe.xyz")
-    assert "not a plain file" in refusal(tmp_path / "pipe.xyz")
+def test_a_suffix_that_nobody_reads(tmp_path):
     assert ".doc is not known; one of .ptcld" in refusal(write(tmp_path / "a.doc", "1 2 3"))
-    with (tmp_path / "big.xyz").open("wb") as file:
-        file.truncate(2**40)  # sparse
-    assert "at most 536,870,912 are read" in refusal(tmp_path / "big.xyz")
 
 
 def test_a_file_that_may_not_be_read(tmp_path, monkeypatch):

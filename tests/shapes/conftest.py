@@ -1,0 +1,6 @@
+"""`remake`, which tests of this room share, is a plain module."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
