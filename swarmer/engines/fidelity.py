@@ -158,9 +158,9 @@ class Governor:
             demand = max(demand, self._busiest)
         wanted = self._affordable(demand)
         if wanted < EASE * self.scale:
-            self._change(wanted, f"{demand:.0f} things to do in a second, {late:.0f} ms late", wall)
+            self._change(wanted, f"demand {demand:,.0f}/s, {late:.0f} ms late", wall)
         elif late < IDLE * self.bound_ms and self._worth_waking_for(wanted, wall):
-            self._change(wanted, f"only {demand:.0f} things to do in a second, {late:.0f} ms late", wall)
+            self._change(wanted, f"demand only {demand:,.0f}/s, {late:.0f} ms late", wall)
             self._awake = wall + AWAKE_S
         return self.scale
 
