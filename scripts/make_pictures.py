@@ -1,7 +1,8 @@
-"""Make the pictures of README.md and docs/ from a run: docs/pictures/before_after.png.
+"""Make the pictures of README.md: docs/pictures/before_after.png of a run, docs/pictures/shapes.png of the catalogue.
 
     swarmer-run --shape dragon --lambda 500 --out RUN
     python scripts/make_pictures.py RUN [FOLDER]
+    python scripts/make_pictures.py shapes [FOLDER]
 
 Before is where each FLS came down from its first flight, which is what dead reckoning alone can do; after is the sample
 with the smallest Hausdorff distance.
@@ -15,16 +16,18 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageOps
 
 from swarmer.metrics.hausdorff import hausdorff
 from swarmer.observe.words import cells
-from swarmer.shapes.drawing import Panel, draw_clouds
+from swarmer.shapes.catalogue import CATALOGUE, load_shape
+from swarmer.shapes.drawing import GROUND, Panel, draw_clouds
 from swarmer.shapes.views import THREE_QUARTERS, View, usual_view
 
 PICTURES = Path(__file__).resolve().parent.parent / "docs" / "pictures"
 FROM_THE_RIGHT = View(THREE_QUARTERS.azimuth_deg - 8, THREE_QUARTERS.elevation_deg)
 DPI = 170
+TILE, COLUMNS = 290, 5  # pixels of a shape's place in shapes.png; shapes in a row
 COLOURS = 255  # of the palette that the file is reduced to: a third of the size, and nothing to see of it
 
 
@@ -55,6 +58,9 @@ def main(arguments: list[str]) -> None:
     if not 1 <= len(arguments) <= 2:
         sys.exit(__doc__)
     folder = Path(arguments[1]) if len(arguments) == 2 else PICTURES
+    if arguments[0] == "shapes":
+        draw_shapes(folder)
+        return
     try:
         seen = moments(Path(arguments[0]) / "timeline.npz")
     except (OSError, ValueError, KeyError) as error:
@@ -72,6 +78,25 @@ def main(arguments: list[str]) -> None:
         path := folder / "before_after.png",
         dpi=DPI,
     )  # fmt: skip
+    shrink(path)
+    sys.stdout.write(f"{path}\n")
+
+
+def draw_shapes(folder: Path) -> None:
+    """The shipped shapes side by side, each as large as its place allows."""
+    names = [name for name, entry in CATALOGUE.items() if entry.make is None]
+    rows = -(-len(names) // COLUMNS)
+    sheet = Image.new("RGB", (COLUMNS * TILE, rows * TILE), GROUND)
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "shapes.png"
+    for number, name in enumerate(names):
+        cloud = load_shape(name)
+        draw_clouds([Panel("", cloud.points, None, usual_view(cloud.dim))], path, dpi=DPI)
+        with Image.open(path) as picture:
+            tile = ImageOps.contain(picture.convert("RGB"), (TILE, TILE))
+        row, column = divmod(number, COLUMNS)
+        sheet.paste(tile, (column * TILE + (TILE - tile.width) // 2, row * TILE + (TILE - tile.height) // 2))
+    sheet.save(path)
     shrink(path)
     sys.stdout.write(f"{path}\n")
 

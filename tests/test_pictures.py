@@ -1,4 +1,4 @@
-"""scripts/make_pictures.py: a run's timeline becomes the picture of README.md."""
+"""scripts/make_pictures.py: a run's timeline and the catalogue become the pictures of README.md."""
 
 import importlib.util
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parent.parent
-PICTURE = ROOT / "docs" / "pictures" / "before_after.png"
+PICTURES = [ROOT / "docs" / "pictures" / name for name in ("before_after.png", "shapes.png")]
 
 
 @pytest.fixture(scope="module")
@@ -58,5 +58,16 @@ def test_what_cannot_be_drawn_is_said(script, tmp_path, dark):
         script.main([str(tmp_path), str(tmp_path)])
 
 
-def test_the_picture_of_the_readme_is_there_and_small():
-    assert PICTURE.stat().st_size < 300_000
+def test_the_shapes_fill_their_places(script, tmp_path):
+    script.main(["shapes", str(tmp_path)])
+    with Image.open(tmp_path / "shapes.png") as picture:
+        pixels = np.asarray(picture.convert("L"))
+    assert pixels.shape == (2 * script.TILE, script.COLUMNS * script.TILE)
+    for row in np.split(pixels, 2):
+        for place in np.split(row, script.COLUMNS, axis=1):
+            assert (place > 60).any(axis=1).sum() > script.TILE / 3
+
+
+@pytest.mark.parametrize("picture", PICTURES)
+def test_the_pictures_of_the_readme_are_there_and_small(picture):
+    assert picture.stat().st_size < 400_000
