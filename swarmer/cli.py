@@ -21,15 +21,8 @@ from swarmer import __version__
 from swarmer.errors import SwarmerError
 
 INTERRUPTED = 130
-MACHINE_ERRORS = {
-    errno.ENOSPC,
-    errno.EDQUOT,
-    errno.EROFS,
-    errno.EACCES,
-    errno.EMFILE,
-    errno.ENFILE,
-    errno.ENOMEM,
-}
+DISK_FULL = {errno.ENOSPC, errno.EDQUOT}
+MACHINE_ERRORS = DISK_FULL | {errno.EROFS, errno.EACCES, errno.EMFILE, errno.ENFILE, errno.ENOMEM}
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 
 
@@ -188,7 +181,8 @@ def leave(action: Callable[[], object]) -> NoReturn:
             sys.exit(0)
         if error.errno not in MACHINE_ERRORS:
             raise
-        fail(f"{error.filename or 'this machine'}: {error.strerror}", SwarmerError.exit_status)
+        where = error.filename or ("stdout" if error.errno in DISK_FULL else "this machine")
+        fail(f"{where}: {error.strerror}", SwarmerError.exit_status)
     sys.exit(status if isinstance(status, int) else 0)
 
 

@@ -38,7 +38,8 @@ def swarmer(*arguments, program="main", **more):
     """Run a command in a process of its own, whatever the environment has on its path."""
     code = f"import sys; from swarmer import cli; sys.argv[0] = 'swarmer'; cli.{program}()"
     return subprocess.run(
-        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=60, **more
+        [sys.executable, "-c", code, *arguments],
+        **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "timeout": 60} | more,
     )
 
 
@@ -202,6 +203,12 @@ def test_a_reader_that_has_seen_enough_is_no_error():
         process.stdout.close()
         assert process.stderr.read() == b""
         assert process.wait(30) == 0
+
+
+def test_an_output_that_is_full_is_named():
+    with open("/dev/full", "w") as full:
+        done = swarmer("shapes", stdout=full)
+    assert (done.returncode, done.stderr) == (1, "error: stdout: No space left on device\n")
 
 
 def test_interrupted_says_so_and_ends_with_130():
