@@ -1,7 +1,7 @@
 """The process engine: one OS process per FLS on this machine (section 6).
 
 It holds the run together: starts the dispatcher, gives the go signal, samples the shared memory, thaws if the policy is
-`centralized`, keeps the machine faithful (`fidelity`), and ends everything.
+`centralized`, keeps the machine faithful (`governor`), and ends everything.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ import sys
 import time
 from typing import TYPE_CHECKING, Any, Self
 
-from swarmer.engines.fidelity import LOOK_S, Governor, Tally
+from swarmer.engines.fidelity import Tally
+from swarmer.engines.governor import LOOK_S, Governor
 from swarmer.engines.limits import check_limits, children_of, private_mb
 from swarmer.engines.reading import counters_of, kernel_drops
 from swarmer.engines.result import Event, Live, Observer, RunResult, Snapshot

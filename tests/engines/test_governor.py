@@ -1,0 +1,119 @@
+"""The governor on machines made up for it: a queue that is emptied at a steady rate, and filled at one of the run."""
+
+import numpy as np
+import pytest
+
+from swarmer.engines.governor import CALM, PATIENCE_S, SLOWEST, Governor
+from swarmer.metrics.lateness import BUCKETS, bucket
+
+LEASE_MS = 250.0
+BOUND_MS = LEASE_MS / 2
+COUNT = 1000  # FLSs
+
+
+class Machine:
+    """A queue: `demand(t)` things to do in an emulated second, `capacity` done in a wall second, late while they wait.
+
+    It thaws every 10 emulated seconds. Everything it does is a datagram that is handled.
+    """
+
+    def __init__(self, governor, demand, capacity=10_000.0):
+        self.governor, self.demand, self.capacity = governor, demand, capacity
+        self.timer, self.handled = np.zeros(BUCKETS, np.int64), np.zeros(BUCKETS, np.int64)
+        self.wall = self.t_s = self.waiting = 0.0
+        self.scales, self.times = [], []
+
+    def run(self, emulated_s, look_s=0.05):
+        while self.t_s < emulated_s:
+            scale = self.governor.scale
+            self.wall += look_s
+            self.t_s += look_s * scale
+            self.waiting += self.demand(self.t_s) * look_s * scale
+            done = min(self.waiting, self.capacity * look_s)
+            self.waiting -= done
+            late_ms = 1e3 * scale * (0.002 + self.waiting / self.capacity)
+            self.handled[bucket(late_ms)] += round(done)
+            delivered = int(self.handled.sum())
+            self.governor.judge(
+                self.timer.copy(), self.handled.copy(), delivered, int(self.t_s // 10), self.t_s, self.wall
+            )
+            self.scales.append(self.governor.scale)
+            self.times.append(self.t_s)
+        return self
+
+    def between(self, begin, end):
+        """The time scales between two moments of every epoch but the first."""
+        return [s for s, t in zip(self.scales, self.times, strict=True) if t > 10 and begin <= t % 10 < end]
+
+    def over(self):
+        """The share of everything that was later than the bound."""
+        return self.handled[bucket(BOUND_MS) + 1 :].sum() / self.handled.sum()
+
+
+def governor(wake_ms=100.0, wanted="auto", count=COUNT):
+    made = Governor(wanted, LEASE_MS, count)
+    if made.auto:
+        made.rehearsed(wake_ms)
+    return made
+
+
+def bursts(quiet, busy, busy_s=2.0):
+    return lambda t: busy if t % 10 < busy_s else quiet
+
+
+def test_a_machine_with_room_runs_in_real_time():
+    machine = Machine(governor(wake_ms=20), lambda t: 2000.0).run(30)
+    assert machine.scales[-1] == 1.0
+    assert machine.t_s / machine.wall > 0.9
+
+
+@pytest.mark.parametrize("overload", [1.5, 4.0, 20.0])
+@pytest.mark.parametrize("wake_ms", [20.0, 200.0])
+def test_an_overloaded_machine_runs_slower_and_is_seldom_late(overload, wake_ms):
+    """What takes a wall second comes `overload` times in an emulated one, whatever the rehearsal promised."""
+    machine = Machine(governor(wake_ms), lambda t: overload * 10_000).run(60)
+    ungoverned = Machine(governor(wanted=1.0), lambda t: overload * 10_000).run(60)
+    assert machine.over() < 0.04 < 0.9 < ungoverned.over()
+    steady = np.mean(machine.scales[len(machine.scales) // 2 :])
+    assert 0.5 / overload < steady < 1.05 / overload
+
+
+def test_it_braces_for_a_thaw_and_is_quick_again_when_that_is_over():
+    machine = Machine(governor(), bursts(quiet=1500.0, busy=60_000.0)).run(60)
+    assert machine.over() < 0.03
+    assert max(machine.between(0.1, 1.5)) < 0.3
+    assert min(machine.between(5.0, 10.0)) == 1.0
+    assert machine.t_s / machine.wall > 0.25
+
+
+def test_a_wave_without_a_thaw_is_slowed_down_for_before_it_is_late():
+    """The demand rises over a second; the scale follows it, not the lateness."""
+    machine = Machine(governor(), lambda t: 2000 + 38_000 * max(0.0, 1 - abs(t % 10 - 7))).run(60)
+    assert machine.over() < 0.06
+    assert min(machine.between(6.8, 7.2)) < 0.5
+
+
+def test_to_go_faster_is_rare_because_everybody_is_woken_for_it():
+    machine = Machine(governor(), bursts(quiet=1500.0, busy=60_000.0)).run(60)
+    faster = int((np.diff(machine.scales) > 0).sum())
+    assert faster < 1.5 * machine.wall / PATIENCE_S
+
+
+def test_a_fixed_scale_is_never_touched():
+    machine = Machine(governor(wanted=0.8), lambda t: 50_000.0).run(5)
+    assert set(machine.scales) == {0.8}
+
+
+def test_the_scale_stays_within_its_limits():
+    machine = Machine(governor(wake_ms=1e6), lambda t: 1e7).run(2)
+    assert min(machine.scales) >= SLOWEST
+    machine = Machine(governor(wake_ms=1e-9), lambda t: 1.0).run(20)
+    assert max(machine.scales) <= 1.0
+
+
+def test_a_longer_rehearsal_begins_slower():
+    scales = [governor(wake_ms=wake).scale for wake in (1, 100, 300, 1_000)]
+    assert scales[0] == 1.0
+    assert scales == sorted(scales, reverse=True)
+    assert scales[1] > scales[2] > scales[3] > 0
+    assert 0 < CALM < 1
