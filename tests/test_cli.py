@@ -213,7 +213,9 @@ def test_an_output_that_is_full_is_named():
 
 def test_interrupted_says_so_and_ends_with_130():
     code = (
-        "import time; from swarmer import cli\ncli.leave(lambda: [print('go', flush=True), time.sleep(60)])"
+        "import signal, time; from swarmer import cli\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background is born deaf to it\n"
+        "cli.leave(lambda: [print('go', flush=True), time.sleep(60)])"
     )
     with subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE
