@@ -26,6 +26,7 @@ from swarmer.config_groups import (
     Recording,
     Sensing,
     Thaw,
+    Virtual,
 )
 from swarmer.errors import BadInput
 from swarmer.settings import (
@@ -60,8 +61,10 @@ class RunConfig(Group):
         "sample exactly this many points of the shape",
         none="as many as the shape has",
     )
-    engine: Literal["process"] = choice(
-        "process", "what runs the FLSs: one process each, over UDP", later=("virtual", "rounds", "cluster")
+    engine: Literal["process", "virtual"] = choice(
+        "process",
+        "what runs the FLSs: one process each, over UDP, or one process for all, in virtual time",
+        later=("rounds", "cluster"),
     )
     seed: int = whole(1, "", 0, 4_294_967_295, "root of every random draw of the run")
     duration_s: float = number(60, "s", 0, FAR, "length of the run, from the go signal", above=True)
@@ -137,6 +140,7 @@ class RunConfig(Group):
     failure: Failure = Failure()
     recording: Recording = Recording()
     process: Process = Process()
+    virtual: Virtual = Virtual()
 
     @classmethod
     def from_flat(cls, flat: Mapping[str, Any]) -> RunConfig:
@@ -215,6 +219,13 @@ def contradictions(config: RunConfig) -> list[str]:
         return [
             "accept_gap_ms: 0 is not allowed with challenge_on_available: true; milliseconds, more than 0"
         ]
+    if config.engine == "virtual" and config.time_scale != "auto":
+        return [
+            f"time_scale: {config.time_scale:g} is not for the engine virtual; auto, for it runs as fast as it can"
+        ]
+    least, longest = config.virtual.latency_min_ms, config.virtual.latency_max_ms
+    if least > longest:
+        return [f"virtual.latency_min_ms: {least:g} is more than virtual.latency_max_ms, {longest:g}"]
     return []
 
 

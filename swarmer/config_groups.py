@@ -179,3 +179,15 @@ class Process(Group):
     """The process engine alone."""
 
     pin: bool = flag(True, "keep each FLS process on one core")
+
+
+class Virtual(Group):
+    """The virtual-time engine alone."""
+
+    latency_min_ms: float = number(0.5, "ms", 0, 60_000, "shortest time that a datagram is on its way")
+    latency_max_ms: float = number(
+        1.5, "ms", 0, 60_000, "longest; each receiver of a datagram has a time of its own"
+    )
+    handling_ms: float = number(
+        0, "ms", 0, 60_000, "time that an FLS takes for one message, while others queue"
+    )

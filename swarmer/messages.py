@@ -43,22 +43,23 @@ class Kind(IntEnum):
     CONTROL = 15  # from the engine (FID 0): look at the control page
 
 
-# The same by plain names: an attribute of an enum class costs a slow look-up, and these stand in the hottest lines.
-CHALLENGE_INIT = Kind.CHALLENGE_INIT
-CHALLENGE_ACCEPT = Kind.CHALLENGE_ACCEPT
-CHALLENGE_ACK = Kind.CHALLENGE_ACK
-CHALLENGE_FIN = Kind.CHALLENGE_FIN
-SET_WAITING = Kind.SET_WAITING
-SET_AVAILABLE = Kind.SET_AVAILABLE
-FOLLOW = Kind.FOLLOW
-MERGE = Kind.MERGE
-FOLLOW_MERGE = Kind.FOLLOW_MERGE
-LEASE_RENEW = Kind.LEASE_RENEW
-LEASE_CANCEL = Kind.LEASE_CANCEL
-THAW = Kind.THAW
-NEIGHBOUR = Kind.NEIGHBOUR
-LEAVE = Kind.LEAVE
-CONTROL = Kind.CONTROL
+# The same as plain numbers, as `decode` gives them: these stand in the hottest lines, where an attribute of an enum
+# class costs a slow look-up, and its members slow comparisons.
+CHALLENGE_INIT = int(Kind.CHALLENGE_INIT)
+CHALLENGE_ACCEPT = int(Kind.CHALLENGE_ACCEPT)
+CHALLENGE_ACK = int(Kind.CHALLENGE_ACK)
+CHALLENGE_FIN = int(Kind.CHALLENGE_FIN)
+SET_WAITING = int(Kind.SET_WAITING)
+SET_AVAILABLE = int(Kind.SET_AVAILABLE)
+FOLLOW = int(Kind.FOLLOW)
+MERGE = int(Kind.MERGE)
+FOLLOW_MERGE = int(Kind.FOLLOW_MERGE)
+LEASE_RENEW = int(Kind.LEASE_RENEW)
+LEASE_CANCEL = int(Kind.LEASE_CANCEL)
+THAW = int(Kind.THAW)
+NEIGHBOUR = int(Kind.NEIGHBOUR)
+LEAVE = int(Kind.LEAVE)
+CONTROL = int(Kind.CONTROL)
 
 
 class To(IntEnum):
@@ -69,7 +70,7 @@ class To(IntEnum):
     ALL = 2
 
 
-TO_FLS, TO_SWARM, TO_ALL = To
+TO_FLS, TO_SWARM, TO_ALL = map(int, To)
 
 
 class Swarm(NamedTuple):
@@ -86,7 +87,7 @@ BUSY = 2  # an acceptor that is anchoring already; where all may join a busy swa
 ANCHORING = 4  # SET_WAITING: the swarm anchors; without it, it localizes
 ALL_FLAGS = JOIN | BUSY | ANCHORING
 
-SWARM_KINDS = frozenset((Kind.SET_WAITING, Kind.SET_AVAILABLE, Kind.FOLLOW, Kind.MERGE, Kind.FOLLOW_MERGE))
+SWARM_KINDS = frozenset((SET_WAITING, SET_AVAILABLE, FOLLOW, MERGE, FOLLOW_MERGE))
 ENGINE_FID = 0
 FROM_ENGINE = frozenset((Kind.CONTROL, Kind.THAW))
 

@@ -49,6 +49,13 @@ CONTRACT_NAMES = {
     "recording.rate_hz",
 }
 
+# What another setting must be for every value of this one to be good.
+BESIDES = {
+    "challenge_on_available": {"accept_gap_ms": 20},
+    "virtual.latency_min_ms": {"virtual.latency_max_ms": 60_000},
+    "virtual.latency_max_ms": {"virtual.latency_min_ms": 0},
+}
+
 anything = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
@@ -151,7 +158,7 @@ def test_a_bad_value_is_refused_by_name(fact, data):
 @given(data=st.data())
 def test_a_good_value_survives_the_file(fact, data):
     value = data.draw(good_values(fact))
-    besides = {"accept_gap_ms": 20} if fact.name == "challenge_on_available" else {}
+    besides = BESIDES.get(fact.name, {})
     config = RunConfig.from_flat({fact.name: value, **besides})
     assert RunConfig.from_flat(yaml_flat(config)) == config
 
@@ -196,7 +203,7 @@ def test_any_file_gives_a_config_or_one_line(tmp_path, text):
         ("m=3", "m: 3 is not a choice; inf or 2 (default inf)"),
         ("anchor=lowset", "anchor: 'lowset' is not a choice; did you mean 'lowest'? lowest, largest, smallest, "
                           "challenger or random (default lowest)"),
-        ("engine=virtual", "engine: 'virtual' is not in this version; process (default process)"),
+        ("engine=rounds", "engine: 'rounds' is not in this version; process or virtual (default process)"),
         ("lambda_ms=abc", "lambda_ms: 'abc' is not a number; milliseconds, above 0, up to 600000 (default 500)"),
         ("lambda_ms=1:30", "lambda_ms: '1:30' is not a number; milliseconds, above 0, up to 600000 (default 500)"),
         ("radio.mac=1", "radio.mac: 1 is neither true nor false; true or false (default false)"),

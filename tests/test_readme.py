@@ -112,7 +112,7 @@ def test_every_command_of_a_page_works(page, place):
     for command in commands(page):
         check(command, place)
     shutil.rmtree(place / "runs")  # nothing else was left behind but what a command names
-    assert {path.name for path in place.iterdir()} <= {"bin", "helix.xyz", "report.html"}
+    assert {path.name for path in place.iterdir()} <= {"bin", "helix.xyz", "half.xyz", "report.html"}
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -32,8 +32,8 @@ INTERRUPTED = 130
 @click.option("--until-hd", "until_hd_cells", metavar="CELLS", help="End as soon as the Hausdorff distance is below this, display cells.")  # fmt: skip
 @click.option("--seed", metavar="N", help="Root of every random draw. [default: 1]")
 @click.option("--points", metavar="N", help="Sample exactly N points of the shape.")
-@click.option("--engine", metavar="NAME", help="What runs the FLSs: process (one OS process each, over UDP). [default: process]")  # fmt: skip
-@click.option("--time-scale", metavar="X|auto", help="Emulated seconds per wall second, 0.001 to 10; auto is as fast as this machine stays faithful, at most 1. [default: auto]")  # fmt: skip
+@click.option("--engine", metavar="NAME", help="What runs the FLSs: process (one OS process each, over UDP) or virtual (one for all, in virtual time, repeatable). [default: process]")  # fmt: skip
+@click.option("--time-scale", metavar="X|auto", help="Emulated seconds per wall second, 0.001 to 10; auto is as fast as this machine stays faithful, at most 1. Not for virtual. [default: auto]")  # fmt: skip
 @click.option(
     "--config", metavar="FILE", help="Settings: a YAML file, or a preset: default, paper, authors_code."
 )
@@ -56,7 +56,7 @@ def command(
     shape: str | None,
     **texts: str | None,
 ) -> int:
-    """Run a shape: one process per FLS, from dead-reckoned chaos to a localized swarm.
+    """Run a shape, from dead-reckoned chaos to a localized swarm.
 
     Settings are read from --config, then --set, then the other options. Progress goes to stderr; the last line of stdout
     is the run directory.
@@ -89,14 +89,13 @@ def directory_named(out: str | None) -> Path | None:
 
 def run(config: RunConfig, out: Path | None, live: bool, as_json: bool) -> int:
     """Plan, check, run, sum up; the exit status. Raises BadInput before anything is written, RunFailed after."""
-    from swarmer.engines.process import ProcessEngine
     from swarmer.observe.collector import Collector
     from swarmer.observe.panel import Panel
     from swarmer.observe.run_directory import RunDirectory
     from swarmer.plan import make_plan
 
     plan = make_plan(config)
-    with ProcessEngine(plan) as engine:
+    with make_engine(plan) as engine:
         tell_plan(plan)
         directory = RunDirectory.create(out, config.shape, config.seed, sys.argv)
         collector = Collector(directory, Panel(), live)
@@ -105,6 +104,17 @@ def run(config: RunConfig, out: Path | None, live: bool, as_json: bool) -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     summary = collector.finish(result)
     return close(summary, directory.path, as_json, collector)
+
+
+def make_engine(plan: Plan) -> Any:
+    """The engine that the settings name. Raises BadInput where this machine cannot take the run."""
+    if plan.config.engine == "virtual":
+        from swarmer.engines.virtual import VirtualEngine
+
+        return VirtualEngine(plan)
+    from swarmer.engines.process import ProcessEngine
+
+    return ProcessEngine(plan)
 
 
 def play(engine: Any, collector: Collector) -> RunResult:

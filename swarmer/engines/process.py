@@ -24,6 +24,7 @@ from swarmer.engines.limits import check_limits, children_of, private_mb
 from swarmer.engines.reading import counters_of, kernel_drops
 from swarmer.engines.result import Event, Live, Observer, RunResult, Snapshot
 from swarmer.engines.specs import setup
+from swarmer.engines.thaws import Sight, ThawWatch
 from swarmer.errors import BadInput, RunFailed
 from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Kind, Message, Stamp, To, encode
 from swarmer.physics.flight import Velocity
@@ -90,9 +91,7 @@ class _Run:
         self.events: dict[str, int] = {"failed": 0, "departed": 0, "died": 0, "replaced": 0}
         self.stopping = asyncio.Event()
         self._numbers = 0
-        self._thaw_epoch = 0
-        self._last_thaw_s = 0.0
-        self._thaws_seen = 0
+        self.thaws = ThawWatch(plan.rules)
         self._went_wall = 0.0
         self._process: subprocess.Popen[bytes] | None = None
         self._complaints = 0
@@ -290,8 +289,7 @@ class _Run:
 
     def _look(self) -> bool:
         sample = self.reader.sample()
-        self._thaw_if_centralized(sample)
-        self._report_thaws(sample)
+        self._watch_thaws(sample)
         self.tally.add(sample)
         self.result.emulated_s = sample.t_s
         return self.observer.sample(self._snapshot(sample))
@@ -345,7 +343,7 @@ class _Run:
 
     def _counters(self, sample: Sample) -> dict[str, float]:
         return counters_of(sample) | {
-            "thaws": self._thaws_seen,
+            "thaws": self.thaws.seen,
             "failures": self.events["failed"] + self.events["died"],
             "departures": self.events["departed"],
             "replacements": self.events["replaced"],
@@ -366,31 +364,14 @@ class _Run:
         with contextlib.suppress(OSError):
             self.lock.sendto(encode(message, stamp, self.key), (BROADCAST, self.port))
 
-    def _thaw_if_centralized(self, sample: Sample) -> None:
-        """Rule 11, `centralized`: at one swarm, or H seconds after the last thaw."""
-        if self.config.thaw.policy != "centralized" or not bool(sample.lit.all()):
-            return
-        single = bool((sample.swarm == sample.swarm[0]).all())
-        overdue = sample.t_s - self._last_thaw_s >= self.plan.rules.thaw_h_s
-        # The last thaw must have reached everybody, or the same single swarm would thaw twice.
-        settled = not self.plan.rules.epochs or int(sample.epoch.min()) >= self._thaw_epoch
-        if (single and settled and sample.t_s - self._last_thaw_s > self.plan.rules.lambda_s) or overdue:
-            self._last_thaw_s = sample.t_s
-            if self.plan.rules.epochs:
-                self._thaw_epoch = int(sample.epoch.max()) + 1
-            self._broadcast(Kind.THAW, self._thaw_epoch)
-            self._thaws_seen += 1
-            self.observer.event(Event(sample.t_s, "thaw", 0, "one swarm" if single else "overdue"))
-
-    def _report_thaws(self, sample: Sample) -> None:
-        if self.config.thaw.policy == "centralized":
-            return
-        thaws = (
-            int(sample.epoch.max()) if self.plan.rules.epochs else int(sample.counters[Count.THAWS_STARTED])
-        )
-        if thaws > self._thaws_seen:
-            self._thaws_seen = thaws
-            self.observer.event(Event(sample.t_s, "thaw", 0, f"thaw {thaws} began"))
+    def _watch_thaws(self, sample: Sample) -> None:
+        started = int(sample.counters[Count.THAWS_STARTED])
+        sight = Sight(sample.t_s, sample.lit, sample.swarm, sample.epoch, started)
+        if order := self.thaws.order(sight):
+            self._broadcast(Kind.THAW, order.epoch)
+            self.observer.event(Event(sample.t_s, "thaw", 0, order.why))
+        elif number := self.thaws.begun(sight):
+            self.observer.event(Event(sample.t_s, "thaw", 0, f"thaw {number} began"))
 
     # -- results -----------------------------------------------------------------------------------------
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 if TYPE_CHECKING:
     import numpy as np
@@ -90,3 +90,6 @@ class RunResult:
     memory_mb_per_fls: float | None = None
     faithful: bool | None = None
     suggested_time_scale: float | None = None
+    extra: dict[str, Any] = field(
+        default_factory=dict
+    )  # what only this engine has, by its name in the summary

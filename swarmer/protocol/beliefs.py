@@ -33,5 +33,4 @@ class Beliefs:
 
     def complete(self, swarm: Swarm) -> bool:
         """R-Complete: every planned neighbour is known to be in `swarm`."""
-        heard = self._heard
-        return len(heard) == len(self.neighbours) and all(believed == swarm for believed in heard.values())
+        return list(self._heard.values()).count(swarm) == len(self.neighbours)

@@ -16,10 +16,8 @@ from swarmer.messages import (
     TO_FLS,
     TO_SWARM,
     ZERO,
-    Kind,
     Message,
     Swarm,
-    To,
     Vec3,
 )
 from swarmer.protocol.beliefs import Beliefs
@@ -57,7 +55,45 @@ def _first_challenge(fid: int, incarnation: int) -> int:
 
 
 class Memory:
-    """One FLS, as it sees itself."""
+    """One FLS, as it sees itself. Slots, because there are more names than a dictionary shares between objects."""
+
+    __slots__ = (
+        "_armed",
+        "_last_challenge",
+        "accepts",
+        "actions",
+        "anchor",
+        "beliefs",
+        "brought",
+        "challenge",
+        "challenge_open",
+        "challenge_taken",
+        "counts",
+        "departed",
+        "epoch",
+        "fid",
+        "flying",
+        "holders",
+        "incarnation",
+        "last_accept_s",
+        "leases",
+        "leaving",
+        "merged",
+        "now",
+        "pending",
+        "policy",
+        "reach",
+        "reminded",
+        "rng",
+        "settings",
+        "size",
+        "state",
+        "swarm",
+        "thaw_policy",
+        "thawed_s",
+        "tick_s",
+        "truth",
+    )
 
     def __init__(
         self,
@@ -145,8 +181,8 @@ class Memory:
 
     def say(
         self,
-        kind: Kind,
-        to: To,
+        kind: int,
+        to: int,
         addressee: Swarm = NO_SWARM,
         flags: int = 0,
         challenge: int = 0,
@@ -165,11 +201,11 @@ class Memory:
             )
         )  # fmt: skip
 
-    def tell(self, message: Message, kind: Kind, flags: int = 0, other: Swarm = NO_SWARM) -> None:
+    def tell(self, message: Message, kind: int, flags: int = 0, other: Swarm = NO_SWARM) -> None:
         """Answer the sender of `message`, about the same challenge."""
         self.say(kind, TO_FLS, Swarm(message.sender, 0), flags, message.challenge, other)
 
-    def tell_swarm(self, kind: Kind, swarm: Swarm | None = None, flags: int = 0) -> None:
+    def tell_swarm(self, kind: int, swarm: Swarm | None = None, flags: int = 0) -> None:
         self.say(kind, TO_SWARM, self.swarm if swarm is None else swarm, flags)
 
     def become_available(self) -> None:

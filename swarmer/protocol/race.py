@@ -12,8 +12,9 @@ from swarmer.messages import (
     CHALLENGE_ACK,
     CHALLENGE_INIT,
     LARGEST,
+    LEASE_CANCEL,
+    NEIGHBOUR,
     TO_FLS,
-    Kind,
     Message,
     Swarm,
     Vec3,
@@ -50,7 +51,7 @@ class Published(Protocol):
 class Verdict(NamedTuple):
     """What the network thread does with a datagram."""
 
-    reply: Kind | None  # answered at once
+    reply: int | None  # answered at once
     queue: bool  # goes on to the handler
     note: bool = False  # the handler only notes the sender's Swarm-ID
 
@@ -58,8 +59,8 @@ class Verdict(NamedTuple):
 QUEUE = Verdict(None, True)
 DROP = Verdict(None, False)
 NOTE = Verdict(None, False, True)
-NOTE_AND_ANSWER = Verdict(Kind.NEIGHBOUR, False, True)
-CANCEL = Verdict(Kind.LEASE_CANCEL, False)
+NOTE_AND_ANSWER = Verdict(NEIGHBOUR, False, True)
+CANCEL = Verdict(LEASE_CANCEL, False)
 
 
 def judge(message: Message, state: Published, neighbours: frozenset[int], neighbour_reply: bool) -> Verdict:
@@ -86,9 +87,7 @@ def can_pair(message: Message, state: Published) -> bool:
     return state.available or state.anchoring
 
 
-def answer(
-    message: Message, kind: Kind, state: Published, fid: int, incarnation: int, truth: Vec3
-) -> Message:
+def answer(message: Message, kind: int, state: Published, fid: int, incarnation: int, truth: Vec3) -> Message:
     """The reply that `judge` asked for, from this FLS to the sender of `message`."""
     return Message(
         kind, fid, incarnation, state.epoch, state.swarm, state.size, truth, TO_FLS, Swarm(message.sender, 0),

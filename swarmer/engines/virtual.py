@@ -1,0 +1,305 @@
+"""The virtual-time engine: all FLSs in one process, event by event, the same from the same seed (docs/virtual-time.md).
+
+It holds the run together: makes the FLSs, takes what is next from the agenda, samples, thaws if the policy is
+`centralized`, replaces who is gone. What an FLS does is in `virtual_fls`, whom a datagram reaches in `virtual_radio`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from heapq import heappop
+from itertools import chain
+from itertools import count as counting
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from swarmer.engines.reading import NAMES
+from swarmer.engines.result import Event, Lateness, Live, Observer, RunResult, Snapshot
+from swarmer.engines.specs import fls_rows, fls_spec
+from swarmer.engines.thaws import Sight, ThawWatch
+from swarmer.engines.virtual_fls import FAILED, Shared, VirtualFls
+from swarmer.engines.virtual_queue import BusyFls
+from swarmer.engines.virtual_radio import RUN, Air
+from swarmer.engines.virtual_time import DATAGRAM, FREE, GROUP, HELD, SAMPLE, Agenda, Trace
+from swarmer.errors import RunFailed
+from swarmer.fls_process import LANDING
+from swarmer.messages import ENGINE_FID, MAX_SIZE, NO_SWARM, SIZE, ZERO, Kind, Message, Stamp, To
+from swarmer.metrics.lateness import BUCKETS, percentiles
+from swarmer.protocol.events import Count
+from swarmer.streams import stream
+from swarmer.telemetry import COUNTERS, Wire
+
+if TYPE_CHECKING:
+    from types import FrameType
+
+    from swarmer.fls_process import FlsSpec
+    from swarmer.plan import Plan
+
+TOLD_EVERY = 500  # FLSs made between two words on how far the launch is
+COLLECT_EVERY = 100_000  # objects more than before: Python's own 700 costs some per cent of a run
+NEVER_LATE = Lateness(0.0, 0.0, 0.0)
+
+
+class VirtualEngine:
+    """Runs one plan in virtual time. Made and given back as a context; `run` runs once."""
+
+    name = "virtual"
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Nothing is held beyond `run`."""
+
+    def run(self, observer: Observer) -> RunResult:
+        """Run to the end, the goal, Ctrl-C or a failure; the result says which. Raises RunFailed if `observer` does."""
+        observer.planned(self.plan)
+        return _Run(self.plan, observer).play()
+
+
+class _Run:
+    def __init__(self, plan: Plan, observer: Observer) -> None:
+        self.plan, self.observer, self.config = plan, observer, plan.config
+        virtual = plan.config.virtual
+        self.agenda, self.trace = Agenda(), Trace()
+        latency_s = (virtual.latency_min_ms / 1e3, virtual.latency_max_ms / 1e3)
+        self.air = Air(self.agenda, latency_s, plan.cloud.points, plan.rules.range_estimated)
+        self.shared = Shared(
+            plan.config.seed, plan.rules, self.agenda, self.air, self._ended, virtual.handling_ms / 1e3,
+            [0] * COUNTERS, [0] * BUCKETS, [0] * BUCKETS,
+        )  # fmt: skip
+        self.flss: list[VirtualFls] = []  # row i is FID i + 1, also when it has failed
+        self.thaws = ThawWatch(plan.rules)
+        self.events = 0
+        self.ends = {"failed": 0, "departed": 0, "replaced": 0}
+        self.stopping = False
+        self.result = RunResult(VirtualEngine.name, "done", 0.0, 0.0)
+        self._latency_rng = stream(plan.config.seed, "latency")  # of what the engine says
+        self._numbers = counting(1)
+        self._samples = 0
+        self._went_wall = 0.0
+
+    # -- the life of a run ---------------------------------------------------------------------------------------
+
+    def play(self) -> RunResult:
+        result = self.result
+        with self._signals(), _undisturbed():
+            try:
+                began = time.monotonic()
+                self._launch()
+                self._went_wall = time.monotonic()
+                result.launch_s = self._went_wall - began
+                if not self.stopping:
+                    self.observer.go(result.launch_s)
+                    self.agenda.put(0.0, SAMPLE, None)
+                    self._live()
+            except KeyboardInterrupt:  # where the signals are not ours to catch
+                result.status = "interrupted"
+            except RunFailed as failure:
+                result.status, result.message = "failed", str(failure)
+            self._sum_up()
+        return result
+
+    @contextlib.contextmanager
+    def _signals(self) -> Iterator[None]:
+        """Ctrl-C ends the run in good order."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        numbers = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else ()))
+        before = {number: signal.signal(number, self._interrupt) for number in numbers}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def _interrupt(self, number: int, frame: FrameType | None) -> None:
+        self.result.status = "interrupted"
+        self.stopping = True
+
+    def _launch(self) -> None:
+        for row in fls_rows(self.plan):
+            if self.stopping:
+                return
+            if len(self.flss) % TOLD_EVERY == 0:
+                self.observer.launching(len(self.flss), self.plan.size)
+            self.flss.append(self._make(fls_spec(row)))
+        self.observer.launching(self.plan.size, self.plan.size)
+
+    def _make(self, spec: FlsSpec) -> VirtualFls:
+        return BusyFls(self.shared, spec) if self.shared.handling_s > 0 else VirtualFls(self.shared, spec)
+
+    def _live(self) -> None:
+        """Take what is next, until told to stop. There is always a sample to come, so the agenda is never empty."""
+        agenda, trace = self.agenda, self.trace
+        heap, values, full = agenda.heap, trace.values, trace.BATCH
+        while not self.stopping:
+            at, _, what, fls, one, two = heappop(heap)
+            agenda.now = at
+            if what == GROUP:
+                self._deliver(one, *two)
+            elif what == DATAGRAM:
+                if fls.alive:
+                    self.events += 1
+                    values += (at, fls.fid, one.kind, one.sender)
+                    fls.hear(one, two)
+            elif what < DATAGRAM:
+                if fls.look(what, at):  # else it was disarmed, armed anew, or its FLS is gone
+                    self.events += 1
+                    values += (at, fls.fid, -1 - what, 0)
+                    fls.take_due(what)
+                    if what == LANDING:
+                        values += (*fls.flight.start, 0)
+            elif what == SAMPLE:
+                self._look()
+            elif fls.alive:
+                self._go_on(what, fls, one, two)
+            if len(values) >= full:
+                trace.hash_values()
+
+    def _deliver(self, arrivals: list[tuple[float, int, VirtualFls]], message: Message, stamp: Stamp) -> None:
+        """A datagram to many: one after the other, until something else comes before the next one."""
+        agenda, values = self.agenda, self.trace.values
+        heap, kind, sender = agenda.heap, message.kind, message.sender
+        while True:
+            at, fid, fls = arrivals.pop()
+            if fls.alive:
+                agenda.now = at
+                self.events += 1
+                values += (at, fid, kind, sender)
+                fls.hear(message, stamp)
+            if not arrivals:
+                return
+            at = arrivals[-1][0]
+            if at >= heap[0][0]:
+                agenda.put(at, GROUP, None, arrivals, (message, stamp))
+                return
+
+    def _go_on(self, what: int, fls: VirtualFls, message: Message, stamp: Stamp) -> None:
+        """What was put off: by the radio at one of its ends, or by a handler that was busy."""
+        self.events += 1
+        self.trace.values += (self.agenda.now, fls.fid, -1 - what, 0)
+        if what == HELD:
+            fls.arrive(message, stamp)
+        elif what == FREE:
+            assert isinstance(fls, BusyFls)
+            fls.wake()
+        else:
+            fls.transmit(message, stamp)
+
+    # -- ends and beginnings -------------------------------------------------------------------------------------
+
+    def _ended(self, fls: VirtualFls, how: str) -> None:
+        """An FLS has gone dark: say so, and launch its replacement (rule 13)."""
+        self.ends[how] += 1
+        now, fid = self.agenda.now, fls.fid
+        kind, text = ("failure", "went dark") if how == FAILED else ("departure", "left to charge")
+        self.observer.event(Event(now, kind, fid, text))
+        if self.config.failure.replace:
+            incarnation = fls.spec.incarnation + 1
+            self.flss[fid - 1] = self._make(fls.spec._replace(incarnation=incarnation, launch_at_s=now))
+            self.ends["replaced"] += 1
+            self.observer.event(Event(now, "replacement", fid, f"incarnation {incarnation} launched"))
+
+    # -- looking -------------------------------------------------------------------------------------------------
+
+    def _look(self) -> None:
+        """Take a sample, and put down the next one."""
+        now, config = self.agenda.now, self.config
+        self.result.emulated_s = now
+        snapshot = self._snapshot(now)
+        self._watch_thaws(snapshot)
+        if self.observer.sample(snapshot) or now >= config.duration_s:
+            self.stopping = True
+        self._samples += 1
+        self.agenda.put(min(self._samples / config.recording.rate_hz, config.duration_s), SAMPLE, None)
+
+    def _snapshot(self, now: float) -> Snapshot:
+        flss = self.flss
+        lit = [fls.lit for fls in flss]
+        wall = time.monotonic() - self._went_wall
+        live = Live(now / wall if wall > 0 else None, *self._lateness(), 1, None, True)
+        return Snapshot(
+            t_s=now,
+            position=np.fromiter(chain.from_iterable(fls.position() for fls in flss), float).reshape(-1, 3),
+            swarm=np.array([fls.machine.swarm.xi if on else 0 for fls, on in zip(flss, lit, strict=True)], np.int32),
+            state=np.array([fls.machine.state for fls in flss], np.int8),
+            lit=np.array(lit, np.bool_),
+            alive=np.array([fls.alive for fls in flss], np.bool_),
+            counters=self._counters(),
+            live=live,
+        )  # fmt: skip
+
+    def _counters(self) -> dict[str, float]:
+        """By the names that the process engine has."""
+        counts = self.shared.counts
+        size = MAX_SIZE if self.config.radio.mac else SIZE  # what it would take on the wire
+        totals: dict[str, float] = {name: sum(counts[at] for at in places) for name, places in NAMES.items()}
+        return totals | {
+            "bytes_sent": counts[Wire.SENT] * size,
+            "bytes_delivered": counts[Wire.DELIVERED] * size,
+            "distance_cells": counts[Wire.DISTANCE_MICROCELLS] / 1e6,
+            "thaws": self.thaws.seen,
+            "failures": self.ends["failed"],
+            "departures": self.ends["departed"],
+            "replacements": self.ends["replaced"],
+        }
+
+    def _lateness(self) -> tuple[Lateness, Lateness]:
+        """Of timers and messages in the handlers' queues; without a handling time nothing ever waits."""
+        shared = self.shared
+        timer, handled = percentiles(shared.timer_late), percentiles(shared.handled_late)
+        return (Lateness(*timer) if timer else NEVER_LATE, Lateness(*handled) if handled else NEVER_LATE)
+
+    def _watch_thaws(self, snapshot: Snapshot) -> None:
+        alive = snapshot.alive
+        if not alive.any():
+            return
+        epoch = np.array([fls.machine.epoch for fls in self.flss])
+        started = self.shared.counts[Count.THAWS_STARTED]
+        sight = Sight(snapshot.t_s, snapshot.lit[alive], snapshot.swarm[alive], epoch[alive], started)
+        if order := self.thaws.order(sight):
+            message = Message(Kind.THAW, ENGINE_FID, 0, order.epoch, NO_SWARM, 0, ZERO, To.ALL)
+            stamp = Stamp(RUN, next(self._numbers), ZERO, sight.t_s)
+            self.air.transmit(message, stamp, self._latency_rng, None)
+            self.observer.event(Event(sight.t_s, "thaw", 0, order.why))
+        elif number := self.thaws.begun(sight):
+            self.observer.event(Event(sight.t_s, "thaw", 0, f"thaw {number} began"))
+
+    # -- results -------------------------------------------------------------------------------------------------
+
+    def _sum_up(self) -> None:
+        result = self.result
+        if self._went_wall:
+            result.wall_s = time.monotonic() - self._went_wall
+        result.counters = self._counters()
+        result.processes = 1
+        result.timer_late_ms, result.handled_late_ms = self._lateness()
+        if result.wall_s > 0:
+            result.time_scale = result.emulated_s / result.wall_s
+            result.faithful = True  # virtual time waits for whoever computes
+        result.extra = {"events": self.events, "trace_sha256": self.trace.sha256()}
+
+
+@contextlib.contextmanager
+def _undisturbed() -> Iterator[None]:
+    """The garbage collector leaves alone what is there already, and looks seldom: the engine itself makes no cycles."""
+    before = gc.get_threshold()
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(COLLECT_EVERY, *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+        gc.unfreeze()

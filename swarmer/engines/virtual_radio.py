@@ -1,0 +1,164 @@
+"""The radio of the virtual-time engine: `radio`'s rules in memory. Whom a datagram may reach is found fast.
+
+A datagram goes to those whom the rules let it reach when it is sent, as the kernel's filter has it for processes; each
+of them gets it after a latency of its own, and asks the rules again (docs/virtual-time.md).
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable
+from heapq import heappush
+from random import Random
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from swarmer.engines.virtual_time import DATAGRAM, GROUP, Agenda
+from swarmer.messages import CHALLENGE_INIT, NO_SWARM, TO_FLS, TO_SWARM, Message, Stamp, Swarm
+from swarmer.radio import heard
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from swarmer.engines.virtual_fls import VirtualFls
+    from swarmer.fls_process import FlsSpec
+
+RUN = 1  # there is no other run on this air
+AHEAD = 1.5  # a table that is too short is made to reach so many times as far as is asked for
+
+
+class Air:
+    """Who is on the air, in which swarm and where, and the way of a datagram to them."""
+
+    def __init__(
+        self,
+        agenda: Agenda,
+        latency_s: tuple[float, float],
+        points: NDArray[np.float64],
+        estimated: bool,
+    ) -> None:
+        """latency_s: shortest, longest. points: (F, 3), cells. estimated: the range is one between real positions."""
+        self.agenda = agenda
+        self._lowest, self._span = latency_s[0], latency_s[1] - latency_s[0]
+        self._points, self._estimated = points, estimated
+        self._tree: Any = None
+        self.count = len(points)
+        self.flss: list[VirtualFls | None] = [None] * (self.count + 1)  # by FID
+        self.swarms: dict[Swarm, dict[int, VirtualFls]] = {}
+        self._near: list[Sequence[int]] = [()] * (self.count + 1)
+        self._distances: list[Sequence[float]] = [()] * (self.count + 1)
+        # (F + 1, 4): where an FLS is, or began to fly, and how far it flies. Only for ranges between positions.
+        self._places = np.zeros((self.count + 1, 4)) if estimated else None
+
+    def join(self, fls: VirtualFls, spec: FlsSpec) -> None:
+        """A new FLS listens, in the place of its predecessor."""
+        self.flss[fls.fid] = fls
+        if not self._distances[fls.fid]:
+            self._near[fls.fid], self._distances[fls.fid] = spec.near, spec.distances
+        self.moved(fls)
+
+    def leave(self, fls: VirtualFls) -> None:
+        """It neither sends nor hears any more; what it has sent is still on its way."""
+        self.flss[fls.fid] = None
+        self.tune(fls, fls.ears.swarm, NO_SWARM)
+
+    def tune(self, fls: VirtualFls, old: Swarm, new: Swarm) -> None:
+        """From now on it listens to what is for the swarm `new`."""
+        swarms = self.swarms
+        if old != NO_SWARM:
+            members = swarms[old]
+            del members[fls.fid]
+            if not members:
+                del swarms[old]
+        if new != NO_SWARM:
+            swarms.setdefault(new, {})[fls.fid] = fls
+
+    def moved(self, fls: VirtualFls) -> None:
+        """It has begun or ended a flight."""
+        if self._places is not None:
+            self._places[fls.fid] = (*fls.flight.start, fls.flight.length)
+
+    def transmit(self, message: Message, stamp: Stamp, latency: Random, sender: VirtualFls | None) -> None:
+        """Put a datagram on the air. sender: whom it cannot reach; None: the engine sends."""
+        to = message.to
+        group: Iterable[VirtualFls | None]
+        if to == TO_FLS:
+            one = self.flss[message.addressee.xi]
+            if one is not None and one is not sender:
+                agenda = self.agenda
+                agenda.order = order = agenda.order + 1
+                at = agenda.now + self._lowest + self._span * latency.random()
+                heappush(agenda.heap, (at, order, DATAGRAM, one, message, stamp))
+            return
+        if to == TO_SWARM:
+            group = self.swarms.get(message.addressee, _NOBODY).values()
+        elif message.kind == CHALLENGE_INIT and sender is not None:
+            group = self._in_range(message, stamp, sender)
+        else:
+            group = self.flss
+        self._send_to(group, message, stamp, latency, sender)
+
+    def _send_to(
+        self,
+        group: Iterable[VirtualFls | None],
+        message: Message,
+        stamp: Stamp,
+        latency: Random,
+        sender: VirtualFls | None,
+    ) -> None:
+        """One entry for all, latest first: the loop takes them off the end, each at its own moment."""
+        agenda, span, draw = self.agenda, self._span, latency.random
+        first = agenda.now + self._lowest
+        arrivals = [
+            (first + span * draw(), fls.fid, fls) for fls in group if fls is not None and fls is not sender
+        ]
+        if arrivals:
+            arrivals.sort(reverse=True)
+            agenda.put(arrivals[-1][0], GROUP, None, arrivals, (message, stamp))
+
+    def _in_range(self, message: Message, stamp: Stamp, sender: VirtualFls) -> list[VirtualFls]:
+        """Whom a challenge reaches, by the rules, at the moment of sending."""
+        count, flss = self.count, self.flss
+        if self._estimated:
+            return [
+                fls
+                for fid in self._placed_within(message.range, stamp)
+                if (fls := flss[fid]) and heard(message, stamp, fls.ears, count, fls.position()) is None
+            ]
+        return [
+            fls
+            for fid in self._within(sender.fid, message.range)
+            if (fls := flss[fid]) and heard(message, stamp, fls.ears, count) is None
+        ]
+
+    def _within(self, fid: int, reach: float) -> Sequence[int]:
+        """FIDs of all others within `reach` cells of a point, nearest first."""
+        distances = self._distances[fid]
+        if reach >= distances[-1] and len(distances) < self.count - 1:
+            distances = self._look_farther(fid, AHEAD * reach)
+        return self._near[fid][: bisect_right(distances, reach)]
+
+    def _look_farther(self, fid: int, reach: float) -> Sequence[float]:
+        if self._tree is None:
+            self._tree = cKDTree(self._points)
+        point = self._points[fid - 1]
+        rows = np.array(self._tree.query_ball_point(point, reach), dtype=np.int64)
+        rows = rows[rows != fid - 1]
+        squared = ((self._points[rows] - point) ** 2).sum(axis=1)
+        order = np.lexsort((rows, squared))
+        self._near[fid] = (rows[order] + 1).tolist()
+        self._distances[fid] = distances = np.sqrt(squared[order]).tolist()
+        return distances
+
+    def _placed_within(self, reach: float, stamp: Stamp) -> list[int]:
+        """FIDs of whom may now be within `reach` cells of where a datagram comes from."""
+        assert self._places is not None
+        far = np.sqrt(((self._places[:, :3] - stamp.origin) ** 2).sum(axis=1)) - self._places[:, 3]
+        return np.flatnonzero(far <= reach).tolist()
+
+
+_NOBODY: dict[int, VirtualFls] = {}
