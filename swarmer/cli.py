@@ -38,7 +38,10 @@ class Lazy(NamedTuple):
 
 COMMANDS = {
     "run": Lazy("swarmer.commands.run:command", "Run a shape: deploy, localize, record."),
-    "replay": Lazy("swarmer.commands.replay:command", "Play a recorded run: viewer, web page or terminal."),
+    "replay": Lazy(
+        "swarmer.commands.replay:command",
+        "Play a recorded run: viewer, web page, terminal, or made anew.",
+    ),
     "report": Lazy("swarmer.commands.report:command", "Write one HTML file about one or more runs."),
     "shapes": Lazy("swarmer.commands.shapes:command", "List, show, check and make shapes."),
     "doctor": Lazy("swarmer.commands.doctor:command", "Tell what this machine can carry, and what to raise."),

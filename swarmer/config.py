@@ -32,6 +32,7 @@ from swarmer.errors import BadInput
 from swarmer.settings import (
     Group,
     Setting,
+    as_yaml,
     choice,
     error_lines,
     flag,
@@ -189,6 +190,14 @@ class RunConfig(Group):
     def flat(self) -> dict[str, Any]:
         """Every setting by its dotted name, in declared order."""
         return {setting.name: _at(self, setting.name) for setting in setting_facts()}
+
+    def unusual(self) -> dict[str, str]:
+        """The settings that are not at their default, each as a file spells it."""
+        return {
+            fact.name: as_yaml(value)
+            for fact in setting_facts()
+            if (value := _at(self, fact.name)) != fact.default
+        }
 
     def to_yaml(self) -> str:
         """The resolved settings as a file that makes the same run again."""

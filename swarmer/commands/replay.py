@@ -13,6 +13,11 @@ if TYPE_CHECKING:
 
 @click.command("replay")
 @click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
+@click.option(
+    "--again",
+    is_flag=True,
+    help="Make a run of the virtual engine once more; it must be the same to the last event.",
+)
 @click.option("--web", is_flag=True, help="Serve a page on this machine, 127.0.0.1 alone; needs no internet.")
 @click.option("--terminal", is_flag=True, help="Play in this terminal; piped, a few still pictures.")
 @click.option(
@@ -29,15 +34,21 @@ if TYPE_CHECKING:
     show_default=True,
     help="With --web: of the page, or the next free one.",
 )
-def command(run: Path, web: bool, terminal: bool, speed: float, port: int) -> None:
+def command(run: Path, again: bool, web: bool, terminal: bool, speed: float, port: int) -> None:
     """Play a recorded run: in rerun's desktop viewer, or as the options say.
 
-    A recording that was cut short is played as far as it is whole.
+    A recording that was cut short is played as far as it is whole. --again plays nothing: it proves that a run of the
+    virtual engine is what its seed and its settings make of it, and ends with status 1 if it is not.
     """
     from swarmer.observe.saved_run import check_run_directory, load
 
-    if web and terminal:
-        raise click.UsageError("--web and --terminal are two ways to watch; choose one")
+    if web + terminal + again > 1:
+        raise click.UsageError("--web and --terminal are two ways to watch, --again runs anew; choose one")
+    if again:
+        from swarmer.commands.again import run_again
+
+        run_again(run)
+        return
     if terminal:
         saved = load(run)
         _tell(saved)

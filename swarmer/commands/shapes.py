@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import sys
 from pathlib import Path
@@ -70,7 +71,14 @@ command.add_command(check)
 @click.option(
     "--eta", type=int, metavar="N", help="Nearest neighbours in the plan (default 5, or F-1 if smaller)."
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="For `random`, and for sampling a mesh.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    metavar="N",
+    default=0,
+    show_default=True,
+    help="For `random`, and for sampling a mesh.",
+)
 @click.option(
     "--out", type=click.Path(path_type=Path), metavar="FILE.png", help="Draw it into a picture too."
 )
@@ -135,10 +143,15 @@ def _draw(cloud: PointCloud, out: Path) -> None:
     from swarmer.shapes.views import usual_view
 
     title = f"{cloud.name}, {len(cloud)} points"
+    unfinished = out.with_name(f"{out.stem}.tmp{out.suffix}")  # so that `out` is whole or not there
     try:
-        draw_clouds([Panel(title, cloud.points, None, usual_view(cloud.dim))], out, dpi=200)
+        draw_clouds([Panel(title, cloud.points, None, usual_view(cloud.dim))], unfinished, dpi=200)
+        unfinished.replace(out)
     except OSError as error:
         raise BadInput("out", str(out), f"a file that can be written ({error.strerror})") from None
+    finally:
+        with contextlib.suppress(OSError):
+            unfinished.unlink()
     click.echo(f"picture: {out}", err=True)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import shlex
 from pathlib import Path
@@ -128,13 +129,16 @@ def checked_out(out: Path | None, file: Path, force: bool) -> Path:
     """Where to write: a .xyz in a directory that is there, not the file that is read, nothing that is there already."""
     out = Path(file.stem + ".xyz") if out is None else out
     if out.suffix.lower() != ".xyz" or not str(out).isprintable():
-        raise BadInput("out", str(out), "a file that ends in .xyz, its name without special characters")
+        allowed = "a file that ends in .xyz, its name without special characters; name one with --out"
+        raise BadInput("out", str(out), allowed)
     try:
         if not out.parent.is_dir():
             raise BadInput("out", str(out), "a file in a directory that is there")
         if out.exists() and file.exists() and out.samefile(file):
             raise BadInput("out", str(out), "another file than the one that is read; name one with --out")
-        if out.is_dir() or (out.exists() and not force):
+        if out.is_dir():
+            raise BadInput("out", str(out), "a file; that is a directory")
+        if os.path.lexists(out) and not force:  # a link to nothing is there, too
             raise BadInput("out", str(out), "it is there already; name another with --out, or say --force")
     except OSError as error:
         raise BadInput("out", str(out), f"a file that can be written ({error.strerror})") from None
@@ -143,7 +147,7 @@ def checked_out(out: Path | None, file: Path, force: bool) -> Path:
 
 def checked_size(box: str | None, spacing: float | None, scale: float | None, unit: str | None) -> Size:
     """One size of what was given; the default's spacing if nothing was. Raises BadInput."""
-    from swarmer.shapes.placing import SPACING, UNITS, Size
+    from swarmer.shapes.placing import SPACING, Size
 
     ways = {"--box": box, "--spacing": spacing, "--scale/--unit": scale if scale is not None else unit}
     given = [name for name, value in ways.items() if value is not None]
@@ -154,8 +158,7 @@ def checked_size(box: str | None, spacing: float | None, scale: float | None, un
     if spacing is not None:
         return Size(spacing=above_0("spacing", spacing, "cells"))
     if given:
-        factor = above_0("scale", 1.0 if scale is None else scale, "a factor")
-        return Size(factor=factor * UNITS[unit or "cells"])
+        return Size(scale=None if scale is None else above_0("scale", scale, "a factor"), unit=unit)
     return Size(spacing=SPACING)
 
 
@@ -204,7 +207,7 @@ def tell(file: Path, out: Path, drawn: Drawn, placed: Placed, size: Size) -> Non
 
     gaps = placing.gaps(placed.points)
     click.echo(f"read    {end_of(str(file))}: {drawn.what}")
-    click.echo(f"scale   {placed.factor:.4g} cells for 1 in the file ({size.option})")
+    click.echo(f"scale   {placed.factor:.4g} cells for 1 in the file ({size})")
     click.echo(f"wrote   {out}: {len(placed.points)} points, {box_of(placed)}")
     click.echo(f"        nearest two {gaps.least:.2f} cells apart, median {gaps.median:.2f}")
     for warning in (*drawn.warnings, *size_warnings(gaps)):

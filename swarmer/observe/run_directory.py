@@ -22,12 +22,15 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import swarmer
 from swarmer.engines.result import Event
 from swarmer.errors import BadInput, RunFailed
 from swarmer.observe.files import PARTIAL, TEMPORARY, Stream, disk_errors, write_text
+
+if TYPE_CHECKING:
+    from swarmer.config import RunConfig
 
 ROOT = Path("runs")
 NAME_LENGTH = 60
@@ -86,9 +89,11 @@ class RunDirectory:
         self._streams.append(stream)
         return stream
 
-    def write_config(self, text: str) -> None:
-        """Write the resolved settings. Raises RunFailed."""
-        write_text(self.path / CONFIG, text)
+    def write_config(self, config: RunConfig) -> None:
+        """Write the resolved settings, and into the manifest those that are not the default. Raises RunFailed."""
+        write_text(self.path / CONFIG, config.to_yaml())
+        self._manifest["settings"] = config.unusual()
+        self._write_manifest()
 
     def write_summary(self, summary: dict[str, Any]) -> None:
         """Write summary.json, the mark of a finished run. Raises RunFailed, ValueError for NaN or infinity."""

@@ -83,10 +83,11 @@ def read_bytes(path: Path) -> bytes:
 
 def _not_known(path: Path) -> str:
     if path.suffix.lower() in PICTURES:
-        name = pasteable(path) if len(str(path)) <= 70 else "FILE"
-        return (
-            f"a picture is no cloud; `swarmer shapes make {name} --points N` makes one of a PNG's silhouette"
-        )
+        is_png = path.suffix.lower() == ".png"
+        png = path if is_png else path.with_suffix(".png")
+        name = pasteable(png) if len(str(png)) <= 70 else "FILE.png"
+        saved = "" if is_png else "save it as PNG, then "
+        return f"a picture is no cloud; {saved}`swarmer shapes make {name} --points N` makes one of its silhouette"
     return f"{path.suffix or 'no suffix'} is not known; one of {' '.join(FORMATS)}"
 
 

@@ -43,7 +43,7 @@ def draw_file(path: Path, wish: Wish) -> Drawn:
     if path.suffix.lower() == PICTURE:
         return _of_picture(path, wish)
     if wish.invert:
-        raise BadInput("invert", end_of(str(path)), "for pictures (.png) alone")
+        raise BadInput.saying(f"invert: {end_of(str(path))} is no picture (.png)")
     content = read_content(path)
     if isinstance(content, Mesh) and len(content.faces):
         return _of_mesh(path, content, wish)

@@ -23,7 +23,6 @@ from swarmer.shapes.errors import BadShape
 from swarmer.shapes.mesh_lines import refuse_bad_obj, refuse_bad_off, refuse_corner_0
 
 _PLY_ELEMENT = re.compile(rb"^\s*element\s+(\S+)\s+(\S+)\s*$", re.MULTILINE)
-_OFF_COUNTS = re.compile(rb"^\s*(\d+)\s+(\d+)(?:\s+\d+)?\s*$", re.MULTILINE)
 
 EMPTY_PER_BYTE = (
     16  # entries of arrays without data for each byte of a file; such arrays are small changes of others
@@ -164,15 +163,6 @@ def _check_ply(data: bytes) -> None:
             raise BadShape(f"its header says {int(count):,} elements, the file has {len(data):,} bytes")
 
 
-def _check_off(data: bytes) -> None:
-    counts = _OFF_COUNTS.search(data[:4096])
-    for count in counts.groups() if counts else ():
-        _refuse_more(int(count[:18]), "vertices or faces")
-        if int(count) > len(data):
-            raise BadShape(f"its header says {int(count):,} elements, the file has {len(data):,} bytes")
-    refuse_bad_off(data)
-
-
 def _check_glb(data: bytes) -> None:
     """Arrays of a GLB without data are zeros of any promised length, and parts may repeat: add them up."""
     if len(data) < 20 or data[:4] != b"glTF":
@@ -198,4 +188,10 @@ def _entries(part: dict[str, Any], counts: list[int]) -> int:
     return sum(counts[array] for array in arrays if array is not None)
 
 
-_CHECKS = {"ply": _check_ply, "off": _check_off, "obj": refuse_corner_0, "stl": _check_stl, "glb": _check_glb}
+_CHECKS = {
+    "ply": _check_ply,
+    "off": refuse_bad_off,
+    "obj": refuse_corner_0,
+    "stl": _check_stl,
+    "glb": _check_glb,
+}

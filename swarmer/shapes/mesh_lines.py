@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator
 
 from swarmer.errors import shown
+from swarmer.shapes.cloud import POINTS_MAX
 from swarmer.shapes.errors import BadShape
 
 _OFF_WORD = re.compile(r"^\s*\w*OFF\b", re.IGNORECASE)
@@ -29,6 +30,11 @@ def refuse_bad_off(data: bytes) -> None:
     if len(words) < 2 or not all(word.isascii() and word.isdigit() for word in words[:2]):
         raise BadShape(f"line {number}: the numbers of vertices and faces are needed, as in `8 12 0`")
     vertices, faces = int(words[0][:18]), int(words[1][:18])
+    for count in (vertices, faces):
+        if count > POINTS_MAX:
+            raise BadShape(f"{count:,} vertices or faces; at most {POINTS_MAX:,} are taken")
+        if count > len(data):
+            raise BadShape(f"its header says {count:,} elements, the file has {len(data):,} bytes")
     for row in range(vertices + faces):
         number, words = next(lines, (number, []))
         if not words:

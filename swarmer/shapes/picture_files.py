@@ -31,14 +31,14 @@ ROOM = 1.2  # of the spacing squared: the area that a light of a blue noise take
 CROWD = 4  # times as many lights as wanted: beyond it no thinning helps (a thin stroke has two sides)
 STEPS = 24  # halvings in the search for the spacing
 PROBES = 20_000  # places at which the room that the outline leaves is measured
-PLACES, PLACES_EACH = 100_000, (5, 40)  # that the noise chooses from, and their bounds per light
+PLACES, PLACES_EACH = 100_000, (10, 40)  # that the noise chooses from, and their bounds per light
 
 
 class _Outline(NamedTuple):
     """The closed outlines of what is drawn, one after the other, as (column, row); pixels."""
 
     corners: Points  # (N, 2)
-    run: NDArray[np.float64]  # (N,), how far along all of them together
+    run: NDArray[np.float64]  # (N,), how far along all of them together, with the ways between them
     start: NDArray[np.float64]  # (K,), of each outline in `run`, the longest first
     length: NDArray[np.float64]  # (K,)
 
@@ -138,8 +138,7 @@ def _dark(grey: NDArray[np.uint8]) -> Mask:
     with np.errstate(divide="ignore", invalid="ignore"):
         between = (mean[-1] * below - mean) ** 2 / (below * (1 - below))
     between[~np.isfinite(between)] = -1.0
-    best = np.flatnonzero(between == between.max())
-    return grey <= int(best.mean())
+    return np.asarray(grey <= between.argmax())
 
 
 # -- lights on it ----------------------------------------------------------------------------------------------------
@@ -173,8 +172,7 @@ def _outline(mask: Mask) -> _Outline:
         chunks[1][0].astype(np.int64),
     )  # one chunk; loop k is first[k] to first[k + 1]
     steps = np.linalg.norm(np.diff(corners, axis=0, prepend=corners[:1]), axis=1)
-    steps[first[:-1]] = 0.0  # from one loop to the next
-    run = np.cumsum(steps)
+    run = np.cumsum(steps)  # with the steps from one loop to the next, where no light comes
     start, end = run[first[:-1]], run[first[1:] - 1]
     longest = np.argsort(start - end, kind="stable")
     return _Outline(corners - 0.5, run, start[longest], (end - start)[longest])

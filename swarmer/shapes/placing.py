@@ -36,25 +36,35 @@ class Placed(NamedTuple):
 
 
 class Size(NamedTuple):
-    """How large the cloud shall be; the first of the three that is there counts."""
+    """How large the cloud shall be; the first that is there counts: box, spacing, scale and unit."""
 
     box: tuple[float, ...] | None = None  # length and height, perhaps depth; cells
     spacing: float | None = None  # of the nearest two, cells
-    factor: float | None = None  # cells per unit of the points
+    scale: float | None = None  # times as large as in the unit
+    unit: str | None = None  # of the points, one of UNITS; None: cells
 
     @property
-    def option(self) -> str:
-        """The option that says so."""
+    def options(self) -> dict[str, str]:
+        """The options that say so, and their values."""
         if self.box is not None:
-            return "--box " + "x".join(f"{side:g}" for side in self.box)
-        return (
-            f"--scale {self.factor:g} --unit cells" if self.spacing is None else f"--spacing {self.spacing:g}"
-        )
+            return {"box": "x".join(f"{side:g}" for side in self.box)}
+        if self.spacing is not None:
+            return {"spacing": f"{self.spacing:g}"}
+        scale = {} if self.scale is None else {"scale": f"{self.scale:g}"}
+        return scale if self.unit is None else {**scale, "unit": self.unit}
+
+    @property
+    def factor(self) -> float:
+        """Cells per unit of the points, by scale and unit."""
+        return (1.0 if self.scale is None else self.scale) * UNITS[self.unit or "cells"]
+
+    def __str__(self) -> str:
+        return " ".join(f"--{name} {value}" for name, value in self.options.items())
 
     def refused(self, why: str) -> BadInput:
         """The error line that names the option, its value, and why it cannot be."""
-        name, _, value = self.option.partition(" ")
-        return BadInput(name.removeprefix("--"), value, why)
+        name, value = next(iter(self.options.items()))
+        return BadInput(name, value, why)
 
 
 class Gaps(NamedTuple):
@@ -80,7 +90,7 @@ def gaps(points: Points) -> Gaps:
 def place(points: Points, size: Size) -> Placed:
     """At least two different points (F, 3) of any unit, in display cells.
 
-    Raises BadInput (`box`, `spacing`, `scale`): coordinates would be too large, or rounding makes points equal.
+    Raises BadInput (`box`, `spacing`, `scale`, `unit`): coordinates would be too large, or rounding makes points equal.
     """
     factor = _factor(points, size)
     if not np.ptp(points, axis=0).max() * factor < COORDINATE_MAX - CORNER:
@@ -107,12 +117,11 @@ def _factor(points: Points, size: Size) -> float:
             raise size.refused("the points differ in depth alone; a box with a depth is needed")
         return float((np.array(size.box)[bound] / extent[: len(size.box)][bound]).min())
     if size.spacing is None:
-        assert size.factor is not None
         return size.factor
     least, widest = gaps(points).least, float(extent.max())
     if not widest * size.spacing < least * COORDINATE_MAX / 2:
         raise size.refused(
-            f"the nearest two are only {least:.3g} apart in a cloud {widest:.3g} wide; "
+            f"too large: the nearest two are {least:.3g} apart in a cloud {widest:.3g} wide; "
             "take fewer of its points (--points), or say how large it shall be (--box)"
         )
     return size.spacing / least

@@ -118,6 +118,8 @@ BAD_FILES = [
     Bad("face.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n", "line 6: a face names vertex 7; there are 0 to 2"),
     Bad("face.ply", (PLY.format("ascii 1.0", 3, FACES.format(1, "uchar")) + "0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n").encode(),
         "face 1 names the vertices 1, 2, 8; there are 3"),
+    Bad("short.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1\n", "line 6: a face of 3 vertices names 2"),
+    Bad("flat.off", b"OFF\n3 1 0\n0 0\n1 0\n0 1\n3 0 1 2\n", "line 3: a vertex needs 3 numbers, got 2"),
     # what is not what it says
     Bad("zeros.xyz", bytes(200), "not a text file"),
     Bad("noise.txt", NOISE.replace(b"\0", b"\x01"), "is not a number"),

@@ -96,6 +96,10 @@ def test_a_picture_is_sent_to_make(tmp_path, monkeypatch, capsys):
         line = refused(monkeypatch, capsys, command, "my cat.png")
         assert "`swarmer shapes make 'my cat.png' --points N`" in line
     assert "PNG" in refused(monkeypatch, capsys, "make", "my cat.png")
+    Path("cat.JPG").write_bytes(b"\xff\xd8\xff")
+    for command in COMMANDS:
+        line = refused(monkeypatch, capsys, command, "cat.JPG")
+        assert "save it as PNG, then `swarmer shapes make cat.png --points N`" in line
 
 
 def test_a_current_directory_that_is_gone_is_no_matter(tmp_path):

@@ -175,6 +175,12 @@ def test_a_mesh_without_area_cannot_be_sampled(tmp_path):
     assert "its surface has no area" in refusal(path, points=10)
 
 
+@pytest.mark.parametrize("head", ["OFF 3 1 0\n", "OFF\n3 1 0 # counts\n", "# mine\nOFF\n3 1\n"])
+def test_the_counts_of_an_off_are_not_taken_from_its_vertices(tmp_path, head):
+    (tmp_path / "x.off").write_text(head + "900000 0 0\n0 900000 0\n0 0 900000\n3 0 1 2\n")
+    assert len(load_shape(str(tmp_path / "x.off"))) == 3
+
+
 def test_vertices_that_no_face_uses_are_left_out(tmp_path):
     path = write(tmp_path / "q.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 9 9 9\nf 1 2 3 4\n")
     assert load_shape(path).points.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from PIL import Image
 from scipy.io import savemat
 from scipy.spatial import cKDTree
 
@@ -75,8 +76,6 @@ def test_every_format_becomes_a_cloud_that_runs(suffix):
 
 
 def test_a_picture_becomes_a_flat_cloud():
-    from PIL import Image
-
     drawn = np.full((60, 120), 255, dtype=np.uint8)
     drawn[10:50, 20:100] = 0
     Image.fromarray(drawn).save("bar.png")
@@ -85,7 +84,7 @@ def test_a_picture_becomes_a_flat_cloud():
     assert (len(cloud), cloud.dim) == (90, 2)
     assert cloud.box_cells == pytest.approx((80, 40, 0), abs=3)
     assert "a picture of 120 x 60 pixels, 44% of them drawn" in result.output
-    assert "invert" in refusal("ring.off", "--points", 9, "--invert")
+    assert refusal("ring.off", "--invert") == "invert: 'ring.off' is no picture (.png)"
     assert refusal("bar.png", "--points", 9, "--up", "z", "--out", "o.xyz").startswith(
         "up: 'z' is not allowed; y for a picture"
     )
@@ -124,6 +123,12 @@ def test_the_size_is_what_was_asked_for(options, box):
     assert ("lights need 1" in result.stderr) == (box[0] < 10)
 
 
+@pytest.mark.parametrize("said", ["--box 9x9", "--spacing 2", "--scale 3", "--unit m", "--scale 3 --unit cm"])
+def test_the_size_is_told_as_it_was_asked_for(said):
+    Path("p.txt").write_text("0 0 0\n1 0 0\n")
+    assert f"cells for 1 in the file ({said})" in make("p.txt", *said.split()).output
+
+
 @pytest.mark.parametrize("up", placing.TURNS)
 def test_turning_is_a_rotation_that_brings_the_axis_up(up):
     axis = {"x": 0, "y": 1, "z": 2}[up[-1]]
@@ -151,7 +156,13 @@ def test_what_cannot_be_written_without_loss_is_refused():
         "two.txt", "--box", "1x1x1"
     )
     assert "--points" in refusal("two.txt", "--spacing", "1000")
-    assert "within 10,000,000 cells" in refusal("two.txt", "--scale", "1e6")
+    assert "within 10,000,000 cells" in refusal("two.txt", "--scale", "11200")
+    for said, line in {
+        "--scale 0.5": "scale: '0.5' is not allowed; too small",
+        "--unit mm": "unit: 'mm' is not allowed; too small",
+        "--scale 9 --unit mm": "scale: '9' is not allowed; too small",
+    }.items():
+        assert refusal("two.txt", *said.split()).startswith(line)
     assert sorted(path.name for path in Path().iterdir()) == ["two.txt"]
     np.savetxt("three.txt", [[0, 0, 0], [1, 0, 0], [1.01, 0, 0], [9, 0, 0], [10, 0, 0]])
     assert "uneven: most points are 150 cells from the next, the nearest two 1.5" in make("three.txt").stderr
@@ -213,6 +224,12 @@ def test_the_seed_decides_what_is_drawn():
         make("ring.off", "--points", 50, "--seed", seed, "--out", f"{name}.xyz")
     first, same, other = (Path(f"{name}.xyz").read_text() for name in "abc")
     assert first == same != other
+    bar = np.full((60, 60), 255, dtype=np.uint8)
+    bar[10:50, 20:40] = 0
+    Image.fromarray(bar).save("bar.png")
+    for name, seed in (("d", 1), ("e", 2)):
+        make("bar.png", "--points", 50, "--seed", seed, "--out", f"{name}.xyz")
+    assert Path("d.xyz").read_text() != Path("e.xyz").read_text()
 
 
 def test_a_file_that_is_there_stays_unless_force_is_said():
@@ -227,6 +244,13 @@ def test_a_file_that_is_there_stays_unless_force_is_said():
         assert "another file than the one that is read" in refusal("p.xyz", "--out", out, "--force")
 
 
+def test_a_link_to_nothing_stays_too():
+    Path("p.txt").write_text("0 0 0\n1 0 0\n")
+    Path("link.xyz").symlink_to("nowhere.xyz")
+    assert "it is there already" in refusal("p.txt", "--out", "link.xyz")
+    assert Path("link.xyz").is_symlink()
+
+
 @pytest.mark.parametrize(
     ("out", "line"),
     [
@@ -235,7 +259,7 @@ def test_a_file_that_is_there_stays_unless_force_is_said():
         ("", "ends in .xyz"),
         ("a\nb.xyz", "without special characters"),
         ("nowhere/cloud.xyz", "a directory that is there"),
-        ("dir.xyz", "it is there already"),
+        ("dir.xyz", "that is a directory"),
         ("x" * 300 + ".xyz", "File name too long"),
     ],
 )

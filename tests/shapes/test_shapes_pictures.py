@@ -95,6 +95,26 @@ def test_bad_input_of_the_command(arguments, line):
     assert str(caught.value).startswith(line)
 
 
+def test_a_picture_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
+    def full(panels, path, dpi):
+        path.write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    out = tmp_path / "x.png"
+    out.write_text("mine")
+    monkeypatch.setattr("swarmer.shapes.drawing.draw_clouds", full)
+    with pytest.raises(BadInput, match="No space left on device"):
+        run("show", "sphere", "--out", str(out))
+    assert [path.name for path in tmp_path.iterdir()] == ["x.png"]
+    assert out.read_text() == "mine"
+
+
+def test_a_seed_below_0_is_refused():
+    result = CliRunner().invoke(command, ["show", "random", "--seed", "-1"])
+    assert result.exit_code == 2
+    assert "'--seed': -1 is not in the range" in result.stderr
+
+
 def test_naming_the_command_costs_no_numpy():
     code = "import sys, swarmer.commands.shapes; sys.exit('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

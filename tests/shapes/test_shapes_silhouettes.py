@@ -15,6 +15,7 @@ from swarmer.errors import BadInput
 from swarmer.shapes import picture_files
 from swarmer.shapes.errors import BadShape
 from swarmer.shapes.picture_files import read_silhouette, silhouette_cloud
+from swarmer.shapes.sampling import gap_share
 
 
 def png(image, **more):
@@ -55,7 +56,7 @@ def test_what_is_dark_on_a_light_ground_is_drawn(mode):
 
 
 def test_sixteen_bits_a_pixel_are_not_cut_off():
-    image = grey(ROUND, 20_000, 40_000, np.uint16)
+    image = grey(ROUND, 20_200, 40_000, np.uint16)  # by their lower bytes it would be the other way round
     np.testing.assert_array_equal(read_silhouette(png(image)), ROUND)
 
 
@@ -150,6 +151,11 @@ def test_a_disc_has_exactly_so_many_lights_inside_of_it(count):
     assert gaps(points).min() > 0.5 * ideal
 
 
+def test_many_lights_have_a_wide_pool_to_be_chosen_from():
+    points = silhouette_cloud(ROUND, 22_375, seed=1)
+    assert gap_share(points, ROUND.sum()) > 0.69
+
+
 def test_its_outline_is_an_even_ring():
     points = silhouette_cloud(ROUND, 300, seed=1) - 100
     rim = points[np.hypot(*points.T) > 58.5]
@@ -206,6 +212,14 @@ def test_a_picture_finer_than_needed_is_taken_coarser_and_keeps_its_place_and_st
     assert np.abs(stroke[:, 1] - 1480.5).max() < 2.5
     assert np.ptp(stroke[:, 0]) > 1300
     assert points[points[:, 1] < 1400].mean(axis=0) == pytest.approx((750, 751), abs=8)
+
+
+def test_the_last_row_and_column_of_a_large_picture_are_not_cut_off():
+    mask = np.zeros((1025, 1025), dtype=bool)
+    mask[-1, :300] = mask[:300, -1] = True
+    points = silhouette_cloud(mask, 60, seed=1)
+    assert ((points[:, 0] >= 1023) ^ (points[:, 1] <= 2)).all()
+    assert np.ptp(points, axis=0).min() > 1000
 
 
 def test_one_pixel_and_dust_carry_lights_too():

@@ -1,0 +1,96 @@
+"""`swarmer replay --again`: a run in virtual time is the same once more, or one line says why not."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from swarmer.cli import load
+from swarmer.commands.again import run_again
+from swarmer.errors import BadInput, RunFailed
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A run directory of a small rough run, by the command."""
+    path = tmp_path_factory.mktemp("again") / "run"
+    options = ["--shape", "sphere", "--points", "12", "--duration", "4", "--set", "radio.loss=0.1"]
+    done = CliRunner().invoke(
+        load("run"),
+        ["--engine", "virtual", *options, "--no-recording", "--out", str(path)],
+        standalone_mode=False,
+    )
+    assert done.exception is None, done.output
+    return path
+
+
+@pytest.fixture
+def run(made, tmp_path):
+    """A copy that a test may spoil."""
+    copy = tmp_path / "run"
+    copy.mkdir()
+    for file in made.iterdir():
+        (copy / file.name).write_bytes(file.read_bytes())
+    return copy
+
+
+def spoil(path: Path, **changes):
+    data = json.loads(path.read_text())
+    path.write_text(json.dumps(data | changes))
+
+
+def test_it_is_the_same_in_another_process_and_directory(run, tmp_path):
+    code = "from swarmer import cli; cli.main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "replay", "--again", str(run)],
+        cwd=tmp_path, env={"PYTHONHASHSEED": "7"}, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert json.loads((run / "summary.json").read_text())["trace_sha256"] in done.stdout
+    assert {path.name for path in tmp_path.iterdir()} == {"run"}
+
+
+def test_another_trace_is_a_failure_that_shows_both(run):
+    spoil(run / "summary.json", trace_sha256="0" * 64)
+    with pytest.raises(RunFailed, match=r"then .* trace 0000.* now .* events"):
+        run_again(run)
+
+
+def test_changed_settings_are_named_with_what_they_were(run):
+    settings = yaml.safe_load((run / "config.yaml").read_text())
+    settings["seed"] = 9
+    settings["radio"]["loss"] = 0
+    (run / "config.yaml").write_text(yaml.safe_dump(settings))
+    with pytest.raises(BadInput, match=r"radio.loss was 0.1, is the default, seed was the default, is 9"):
+        run_again(run)
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"engine": "process"}, "process is never twice the same"),
+        ({"status": "interrupted"}, "came to its end"),
+        ({"format": 99}, "this one's is 99"),
+        ({"trace_sha256": None}, "came to its end"),
+    ],
+)
+def test_what_cannot_be_repeated_is_refused(run, changes, line):
+    spoil(run / "summary.json", **changes)
+    with pytest.raises(BadInput, match=line):
+        run_again(run)
+
+
+def test_a_run_without_a_summary_is_refused(run):
+    (run / "summary.json").unlink()
+    with pytest.raises(BadInput, match="no summary"):
+        run_again(run)
+
+
+def test_another_version_is_said(run, capsys):
+    spoil(run / "manifest.json", swarmer="0.0.9")
+    run_again(run)
+    assert "0.0.9" in capsys.readouterr().err
