@@ -12,7 +12,7 @@ import click
 
 from swarmer.commands.shapes_check import check
 from swarmer.commands.shapes_make import make
-from swarmer.commands.shapes_words import aligned, cloud_warnings
+from swarmer.commands.shapes_words import aligned, cloud_warnings, seed_option
 
 if TYPE_CHECKING:
     from swarmer.shapes.cloud import PointCloud
@@ -71,14 +71,7 @@ command.add_command(check)
 @click.option(
     "--eta", type=int, metavar="N", help="Nearest neighbours in the plan (default 5, or F-1 if smaller)."
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    metavar="N",
-    default=0,
-    show_default=True,
-    help="For `random`, and for sampling a mesh.",
-)
+@seed_option("For `random`, and for sampling a mesh.")
 @click.option(
     "--out", type=click.Path(path_type=Path), metavar="FILE.png", help="Draw it into a picture too."
 )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from swarmer.commands.shapes_words import seed_option
 from swarmer.errors import BadInput, RunFailed
 
 if TYPE_CHECKING:
@@ -58,14 +59,7 @@ UNEVEN = 10.0  # times the least gap: a median gap above it says that some point
 @click.option(
     "--up", type=click.Choice(AXES), default="y", show_default=True, help="Which axis of the file points up."
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    metavar="N",
-    default=0,
-    show_default=True,
-    help="For what is drawn by chance from a mesh or a picture.",
-)
+@seed_option("For what is drawn by chance from a mesh or a picture.")
 @click.option(
     "--dedupe", is_flag=True, help="Drop points that the file has twice; without it they are an error."
 )

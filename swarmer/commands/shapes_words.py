@@ -1,12 +1,22 @@
-"""What the commands about shapes say alike: aligned columns, warnings about a cloud."""
+"""What the commands about shapes have alike: an option, aligned columns, warnings about a cloud."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
 
 if TYPE_CHECKING:
     from swarmer.shapes.cloud import PointCloud
     from swarmer.shapes.neighbours import NeighbourPlan
+
+
+def seed_option(what_for: str) -> Callable[[Any], Any]:
+    """`--seed N` of a command."""
+    return click.option(
+        "--seed", type=click.IntRange(min=0), metavar="N", default=0, show_default=True, help=what_for
+    )
 
 
 def aligned(rows: list[tuple[str, ...]]) -> list[str]:

@@ -16,7 +16,7 @@ from swarmer.metrics.lateness import BUCKETS
 from swarmer.plan import make_plan
 from swarmer.protocol.events import Due, Landed, Received
 from swarmer.streams import stream
-from swarmer.telemetry import COUNTERS
+from swarmer.telemetry import COUNTERS, Wire
 
 POINTS = 120
 
@@ -223,3 +223,12 @@ def test_handlers_that_take_time_make_messages_late_and_the_swarm_forms_all_the_
     assert result.timer_late_ms.max > 0
     assert watcher.progress.first_single_swarm_s is not None
     assert fly(duration_s=2)[0].handled_late_ms.max == 0
+
+
+def test_a_datagram_that_comes_twice_acts_once():
+    _, shared, flss = display()
+    challenge = message(Kind.CHALLENGE_INIT, sender=1, challenge=3)._replace(truth=flss[1].spec.truth)
+    stamp = Stamp(1, 5, flss[1].flight.start, 0.0)
+    for _ in range(2):
+        flss[2].hear(challenge, stamp)
+    assert (shared.counts[Wire.DELIVERED], shared.counts[Wire.REPLAYED]) == (1, 1)

@@ -225,9 +225,6 @@ def test_a_low_limit_on_processes_is_named(tmp_path):
     from swarmer.errors import BadInput
 
     soft, hard = resource.getrlimit(resource.RLIMIT_NPROC)
-    if hard != resource.RLIM_INFINITY and hard < 200_000:
-        with pytest.raises(BadInput, match="ulimit -u"):
-            limits.check_limits(hard)
     with pytest.raises(BadInput, match=r"free memory|hard limit|pid_max|threads-max"):
         limits.check_limits(10_000_000)
     assert resource.getrlimit(resource.RLIMIT_NPROC)[1] == hard

@@ -4,8 +4,11 @@ from random import Random
 
 import pytest
 
+from swarmer.config import load_config
+from swarmer.plan import make_machine, make_plan
 from swarmer.protocol.challenge_policy import Decay, RComplete
 from swarmer.protocol.thaw import Never, Timer
+from swarmer.state_machine import Identity
 
 
 def ticks(policy, complete, count=40, rng=None):
@@ -27,6 +30,15 @@ def test_the_flss_of_a_swarm_do_not_all_probe_at_the_same_tick():
     probes = {fid: ticks(RComplete(8, fid), complete=True).index(True) + 1 for fid in range(1, 17)}
     assert sorted(probes.values()) == sorted([*range(1, 9)] * 2)
     assert all(sum(ticks(RComplete(8, fid), complete=True)) == 5 for fid in probes)
+
+
+def test_a_machine_has_the_phase_of_its_fid():
+    rules = make_plan(load_config(shape="sphere", points=20)).rules
+    first = {}
+    for fid in range(1, 9):
+        machine = make_machine(rules, Identity(fid, 0, (0.0, 0.0, 0.0)), (fid + 1,), 1.0, Random(1))
+        first[fid] = ticks(machine.policy, complete=True).index(True)
+    assert len(set(first.values())) == 8
 
 
 def test_idle_ticks_are_counted_anew():

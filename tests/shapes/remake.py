@@ -8,8 +8,22 @@ import numpy as np
 import pytest
 
 from swarmer.shapes.catalogue import load_shape
+from swarmer.shapes.neighbours import neighbour_plan
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+
+
+def assert_shipped(name, count, corner, gap, link):
+    """Its count, box, least gap and longest planned link (cells), in one part."""
+    cloud = load_shape(name)
+    plan = neighbour_plan(cloud.points)
+    assert len(cloud) == count
+    np.testing.assert_allclose(cloud.points.min(axis=0), 3)
+    np.testing.assert_allclose(cloud.points.max(axis=0), corner)
+    assert plan.spacing_min_cells >= gap
+    assert plan.components == 1
+    assert plan.longest_link_cells < link
+    assert cloud.licence == "MIT"
 
 
 def remaking(test):

@@ -41,6 +41,17 @@ def test_a_made_shape_has_exactly_the_points_asked_for(name, count):
     assert least_gap(points) >= 1 - 1e-9
 
 
+@pytest.mark.parametrize("name", ["sphere", "cube", "knot"])
+def test_the_nearest_two_of_a_made_shape_are_two_cells_apart(name):
+    assert least_gap(load_shape(name, points=200).points) == pytest.approx(generators.SPACING)
+
+
+def test_the_points_of_the_knot_follow_each_other_evenly_round_it():
+    points = load_shape("knot", points=200).points
+    steps = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1)
+    assert steps.max() < 1.1 * steps.min()
+
+
 def test_a_full_cube_is_a_lattice_and_a_trimmed_one_keeps_its_symmetry():
     np.testing.assert_array_equal(np.ptp(load_shape("cube", points=27).points, axis=0), [4, 4, 4])
     points = load_shape("cube", points=27 - 8).points

@@ -4,13 +4,12 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-from remake import SCRIPTS, assert_made_anew, remaking
+from remake import SCRIPTS, assert_made_anew, assert_shipped, remaking
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from swarmer.shapes.catalogue import load_shape
-from swarmer.shapes.neighbours import neighbour_plan
 
 SHIPPED = {"racecar": (11_894, (49, 98, 25)), "statue": (22_375, (66, 82, 98))}
 
@@ -31,16 +30,7 @@ def parts(points, reach):
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_large_shape_keeps_its_count_box_and_gap(name):
-    count, corner = SHIPPED[name]
-    cloud = load_shape(name)
-    plan = neighbour_plan(cloud.points)
-    assert len(cloud) == count
-    np.testing.assert_allclose(cloud.points.min(axis=0), 3)
-    np.testing.assert_allclose(cloud.points.max(axis=0), corner)
-    assert plan.spacing_min_cells >= 1.02
-    assert plan.components == 1
-    assert plan.longest_link_cells < 4
-    assert cloud.licence == "MIT"
+    assert_shipped(name, *SHIPPED[name], gap=1.02, link=4)
 
 
 @pytest.mark.parametrize("name", SHIPPED)

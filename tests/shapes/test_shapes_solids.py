@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from remake import assert_made_anew, remaking
+from remake import assert_made_anew, assert_shipped, remaking
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from swarmer.shapes.catalogue import load_shape
-from swarmer.shapes.neighbours import neighbour_plan
 
 SHIPPED = {  # count, corner farthest from the dispatcher, longest planned link in cells
     "hat": (1562, (89, 98, 45), 8.0),
@@ -20,15 +19,7 @@ SHIPPED = {  # count, corner farthest from the dispatcher, longest planned link 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_solid_keeps_its_count_box_and_gap(name):
     count, corner, link = SHIPPED[name]
-    cloud = load_shape(name)
-    plan = neighbour_plan(cloud.points)
-    assert len(cloud) == count
-    np.testing.assert_allclose(cloud.points.min(axis=0), 3)
-    np.testing.assert_allclose(cloud.points.max(axis=0), corner)
-    assert plan.spacing_min_cells >= 1.2
-    assert plan.components == 1
-    assert plan.longest_link_cells < link
-    assert cloud.licence == "MIT"
+    assert_shipped(name, count, corner, gap=1.2, link=link)
 
 
 @pytest.mark.parametrize("name", SHIPPED)
