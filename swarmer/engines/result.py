@@ -6,10 +6,18 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
+    from swarmer.messages import Message, Stamp, Vec3
+    from swarmer.physics.flight import Flight
     from swarmer.plan import Plan
+    from swarmer.protocol.events import Action
+    from swarmer.protocol.events import Event as Happening
+    from swarmer.radio import Ears
+    from swarmer.state_machine import StateMachine
 
 
 class Snapshot(NamedTuple):
@@ -70,6 +78,74 @@ class Observer(Protocol):
 
     def event(self, event: Event) -> None:
         """Something happened."""
+
+
+class Seen(Protocol):
+    """An FLS as a witness may read it."""
+
+    @property
+    def fid(self) -> int: ...
+
+    @property
+    def machine(self) -> StateMachine: ...
+
+    @property
+    def flight(self) -> Flight: ...
+
+    @property
+    def ears(self) -> Ears: ...
+
+    @property
+    def alive(self) -> bool: ...
+
+    @property
+    def lit(self) -> bool: ...
+
+    def position(self) -> Vec3: ...
+
+
+class Witness:
+    """Sees a run in virtual time from inside, event by event, and changes nothing: checks and traces are witnesses.
+
+    Nothing is done here: override what is of interest. `now_s` is the emulated second. A witness that raises RunFailed
+    ends the run.
+    """
+
+    def made(self, fls: Seen, now_s: float) -> None:
+        """A new FLS is on the air, dark; one of incarnation > 0 takes the place of another."""
+
+    def handled(
+        self, fls: Seen, event: Happening, actions: Sequence[Action], cause: Stamp | None, now_s: float
+    ) -> None:
+        """The machine has taken an event; nothing of what it wants done has been done yet.
+
+        cause: the stamp of the datagram, for an event that is one.
+        """
+
+    def sent(self, fls: Seen, message: Message, stamp: Stamp, copies: int, now_s: float) -> None:
+        """A datagram is stamped. copies: that leave the sender; 0 if its end of the radio loses it."""
+
+    def heard(self, fls: Seen, message: Message, stamp: Stamp, fate: str, now_s: float) -> None:
+        """A datagram came to an FLS, and its fate is one of FATES; one that the radio delays comes twice."""
+
+    def flew(self, fls: Seen, asked: Vec3, flight: Flight, now_s: float) -> None:
+        """A flight begins where the FLS is. asked: the vector that it was told to fly, cells."""
+
+    def ended(self, fls: Seen, how: str, now_s: float) -> None:
+        """An FLS has gone dark: `failed` or `departed`."""
+
+    def finished(self, now_s: float) -> None:
+        """The run has come to its end, in good order; not called if it failed."""
+
+    def summary(self) -> dict[str, Any]:
+        """What it adds to the summary, by name."""
+        return {}
+
+
+# What becomes of a datagram at a receiver: refused by the radio's rules (the first five, in the words of
+# `radio.heard`), lost or delayed by the receiver's end, received before, or judged at the door (`race.judge`).
+FATES = ("run", "sender", "address", "range", "own", "lost", "delayed", "replayed", "queued", "answered", "noted",
+         "dropped")  # fmt: skip
 
 
 @dataclass(slots=True)

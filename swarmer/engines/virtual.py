@@ -11,7 +11,7 @@ import gc
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from heapq import heappop
 from itertools import chain
 from itertools import count as counting
@@ -20,13 +20,14 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from swarmer.engines.reading import NAMES
-from swarmer.engines.result import Event, Lateness, Live, Observer, RunResult, Snapshot
+from swarmer.engines.result import Event, Lateness, Live, Observer, RunResult, Snapshot, Witness
 from swarmer.engines.specs import fls_rows, fls_spec
 from swarmer.engines.thaws import Sight, ThawWatch
 from swarmer.engines.virtual_fls import FAILED, Shared, VirtualFls
 from swarmer.engines.virtual_queue import BusyFls
 from swarmer.engines.virtual_radio import RUN, Air
 from swarmer.engines.virtual_time import DATAGRAM, FREE, GROUP, HELD, SAMPLE, Agenda, Trace
+from swarmer.engines.witnesses import witness_of
 from swarmer.errors import RunFailed
 from swarmer.fls_process import LANDING
 from swarmer.messages import ENGINE_FID, MAX_SIZE, NO_SWARM, SIZE, ZERO, Kind, Message, Stamp, To
@@ -51,8 +52,9 @@ class VirtualEngine:
 
     name = "virtual"
 
-    def __init__(self, plan: Plan) -> None:
-        self.plan = plan
+    def __init__(self, plan: Plan, witnesses: Sequence[Witness] = ()) -> None:
+        """witnesses: told of every event, in this order."""
+        self.plan, self.witnesses = plan, tuple(witnesses)
 
     def __enter__(self) -> Self:
         return self
@@ -63,11 +65,11 @@ class VirtualEngine:
     def run(self, observer: Observer) -> RunResult:
         """Run to the end, the goal, Ctrl-C or a failure; the result says which. Raises RunFailed if `observer` does."""
         observer.planned(self.plan)
-        return _Run(self.plan, observer).play()
+        return _Run(self.plan, observer, self.witnesses).play()
 
 
 class _Run:
-    def __init__(self, plan: Plan, observer: Observer) -> None:
+    def __init__(self, plan: Plan, observer: Observer, witnesses: tuple[Witness, ...]) -> None:
         self.plan, self.observer, self.config = plan, observer, plan.config
         virtual = plan.config.virtual
         self.agenda, self.trace = Agenda(), Trace()
@@ -75,8 +77,9 @@ class _Run:
         self.air = Air(self.agenda, latency_s, plan.cloud.points, plan.rules.range_estimated)
         self.shared = Shared(
             plan.config.seed, plan.rules, self.agenda, self.air, self._ended, virtual.handling_ms / 1e3,
-            [0] * COUNTERS, [0] * BUCKETS, [0] * BUCKETS,
+            [0] * COUNTERS, [0] * BUCKETS, [0] * BUCKETS, witness_of(witnesses),
         )  # fmt: skip
+        self.witnesses = witnesses
         self.flss: list[VirtualFls] = []  # row i is FID i + 1, also when it has failed
         self.thaws = ThawWatch(plan.rules)
         self.events = 0
@@ -102,6 +105,9 @@ class _Run:
                     self.observer.go(result.launch_s)
                     self.agenda.put(0.0, SAMPLE, None)
                     self._live()
+                if result.status == "done":
+                    for witness in self.witnesses:
+                        witness.finished(self.agenda.now)
             except KeyboardInterrupt:  # where the signals are not ours to catch
                 result.status = "interrupted"
             except RunFailed as failure:
@@ -289,6 +295,8 @@ class _Run:
             result.time_scale = result.emulated_s / result.wall_s
             result.faithful = True  # virtual time waits for whoever computes
         result.extra = {"events": self.events, "trace_sha256": self.trace.sha256()}
+        for witness in self.witnesses:
+            result.extra |= witness.summary()
 
 
 @contextlib.contextmanager

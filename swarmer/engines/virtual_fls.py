@@ -12,6 +12,7 @@ from itertools import count as counting
 from random import Random
 from typing import Any
 
+from swarmer.engines.result import Witness
 from swarmer.engines.virtual_radio import RUN, Air
 from swarmer.engines.virtual_time import HELD, OUTGOING, Agenda
 from swarmer.fls_process import BATTERY, FAILURE, LANDING, LAUNCH, MEASURED, NEVER, FlsSpec
@@ -70,6 +71,7 @@ class Shared:
     counts: list[int]  # of all FLSs together, in the places of `telemetry`
     timer_late: list[int]  # histograms of metrics.lateness
     handled_late: list[int]
+    witness: Witness | None = None
 
 
 class VirtualFls:
@@ -82,7 +84,7 @@ class VirtualFls:
         "_agenda", "_air", "_count", "_counts", "_dead_reckoning", "_flight_rng", "_fresh", "_heard_from",
         "_latency_rng", "_machine_rng", "_measured_from", "_neighbour_reply", "_neighbours", "_noted",
         "_numbers", "_range_estimated", "_receiver_rng", "_receiver_rules", "_sender_rng", "_sender_rules",
-        "_sensor", "_sensor_rng", "_velocity", "alive", "due", "ears", "fid", "flight", "machine", "shared",
+        "_sensor", "_sensor_rng", "_velocity", "_witness", "alive", "due", "ears", "fid", "flight", "machine", "shared",
         "spec",
     )  # fmt: skip
 
@@ -90,6 +92,7 @@ class VirtualFls:
         rules = shared.rules
         self.shared, self.spec, self.fid, self.alive = shared, spec, spec.fid, True
         self._agenda, self._air, self._counts = shared.agenda, shared.air, shared.counts
+        self._witness = shared.witness
         self._count = rules.count
         self._velocity, self._sensor = make_velocity(rules), make_sensor(rules)
         self._dead_reckoning = DEAD_RECKONING[rules.dead_reckoning]
@@ -110,6 +113,8 @@ class VirtualFls:
         self._noted = [NEVER] * (FAILURE + 1)  # when the agenda will look at it, which may be earlier
         self._air.join(self, spec)
         now = self._agenda.now
+        if self._witness is not None:
+            self._witness.made(self, now)
         self._wait(LAUNCH, spec.launch_at_s)
         if rules.failure_rate > 0:
             self._wait(FAILURE, now + self._stream("failure").expovariate(rules.failure_rate))
@@ -138,6 +143,7 @@ class VirtualFls:
         refusal = heard(message, stamp, self.ears, self._count, here)
         if refusal is not None:
             self._counts[_REFUSED[refusal]] += 1
+            self._tell_fate(message, stamp, refusal)
             return
         rng = self._receiver_rng
         if rng is None or message.sender == ENGINE_FID:
@@ -146,8 +152,10 @@ class VirtualFls:
         copies = fate(self._receiver_rules, rng)
         if not copies:
             self._counts[_LOST_RECEIVER] += 1
+            self._tell_fate(message, stamp, "lost")
         for delay in copies:
             if delay > 0.0:
+                self._tell_fate(message, stamp, "delayed")
                 self._agenda.put(self._agenda.now + delay, HELD, self, message, stamp)
             else:
                 self.arrive(message, stamp)
@@ -157,10 +165,13 @@ class VirtualFls:
         counts = self._counts
         if not self._fresh(message.sender, message.incarnation, stamp.number):
             counts[_REPLAYED] += 1
+            self._tell_fate(message, stamp, "replayed")
             return
         counts[_DELIVERED] += 1
         machine = self.machine
         verdict = race.judge(message, machine, self._neighbours, self._neighbour_reply)
+        if self._witness is not None:
+            self._tell_fate(message, stamp, _fate_of(verdict))
         if verdict.queue:
             self.take_message(message, stamp)
             return
@@ -169,18 +180,22 @@ class VirtualFls:
             spec = self.spec
             self.send(race.answer(message, verdict.reply, machine, spec.fid, spec.incarnation, spec.truth))
         if verdict.note:
-            self.take_note(message)
+            self.take_note(message, stamp)
+
+    def _tell_fate(self, message: Message, stamp: Stamp, fate: str) -> None:
+        if self._witness is not None:
+            self._witness.heard(self, message, stamp, fate, self._agenda.now)
 
     # -- the handler role ----------------------------------------------------------------------------------------
 
     def take_message(self, message: Message, stamp: Stamp) -> None:
         """Handle a message that the network role queued."""
         self._heard_from = stamp.origin
-        self.feed(Received(message))
+        self.feed(Received(message), stamp)
 
-    def take_note(self, message: Message) -> None:
+    def take_note(self, message: Message, stamp: Stamp) -> None:
         """Note the sender's Swarm-ID."""
-        self.feed(Received(message, noted=True))
+        self.feed(Received(message, noted=True), stamp)
 
     def take_due(self, what: int) -> None:
         """Take up a timer, a landing, or what else this FLS waited for."""
@@ -200,10 +215,12 @@ class VirtualFls:
         else:
             self._end(FAILED)
 
-    def feed(self, event: Event) -> None:
-        """One event to the machine, and what it wants done."""
+    def feed(self, event: Event, cause: Stamp | None = None) -> None:
+        """One event to the machine, and what it wants done. cause: the stamp of an event that is a datagram."""
         machine = self.machine
         actions = machine.handle(event, self._agenda.now)
+        if self._witness is not None:
+            self._witness.handled(self, event, actions, cause, self._agenda.now)
         if machine.swarm is not self.ears.swarm:
             self._retune()
         for action in actions:
@@ -242,6 +259,8 @@ class VirtualFls:
         self.flight = flight = plan_flight(self.position(), flown, now, self._velocity)
         self._wait(LANDING, now + flight.duration_s)
         self._air.moved(self)
+        if self._witness is not None:
+            self._witness.flew(self, vector, flight, now)
         counts[_FLIGHTS] += 1
         counts[_DISTANCE] += round(flight.length * 1e6)
 
@@ -277,6 +296,8 @@ class VirtualFls:
         self.alive = False
         self.due = [NEVER] * len(self.due)
         self._air.leave(self)
+        if self._witness is not None:
+            self._witness.ended(self, how, self._agenda.now)
         self.shared.ended(self, how)
 
     # -- both ----------------------------------------------------------------------------------------------------
@@ -299,11 +320,15 @@ class VirtualFls:
         rng = self._sender_rng
         if rng is None:
             stamp = Stamp(RUN, next(self._numbers), self.position(), now)
+            if self._witness is not None:
+                self._witness.sent(self, message, stamp, 1, now)
             self._air.transmit(message, stamp, self._latency_rng, self)
             return
         copies = fate(self._sender_rules, rng)
         delay = copies[0] if copies else 0.0
         stamp = Stamp(RUN, next(self._numbers), self.position(), now + delay)
+        if self._witness is not None:
+            self._witness.sent(self, message, stamp, len(copies), now)
         if not copies:
             counts[_LOST_SENDER] += 1
         for delay in copies:
@@ -315,3 +340,11 @@ class VirtualFls:
     def transmit(self, message: Message, stamp: Stamp) -> None:
         """A datagram leaves this FLS's own end of the radio."""
         self._air.transmit(message, stamp, self._latency_rng, self)
+
+
+def _fate_of(verdict: race.Verdict) -> str:
+    if verdict.queue:
+        return "queued"
+    if verdict.reply is not None:
+        return "answered"
+    return "noted" if verdict.note else "dropped"

@@ -25,7 +25,7 @@ class BusyFls(VirtualFls):
 
     def __init__(self, shared: Shared, spec: FlsSpec) -> None:
         self._queues: tuple[deque[Waiting], ...] = (deque(), deque(), deque())
-        self._notes: deque[Message] = deque(maxlen=1024)
+        self._notes: deque[tuple[Message, Stamp]] = deque(maxlen=1024)
         self._overdue: list[tuple[float, int]] = []  # since when, what
         self._busy_until = 0.0
         self._waking = False
@@ -36,9 +36,9 @@ class BusyFls(VirtualFls):
         self._queues[PRIORITY[message.kind]].append((self._agenda.now, message, stamp))
         self.work()
 
-    def take_note(self, message: Message) -> None:
+    def take_note(self, message: Message, stamp: Stamp) -> None:
         """Leave a note for the handler."""
-        self._notes.append(message)
+        self._notes.append((message, stamp))
         self.work()
 
     def take_due(self, what: int) -> None:
@@ -61,7 +61,7 @@ class BusyFls(VirtualFls):
         queues = self._queues
         while self.alive and self._busy_until <= self._agenda.now:
             while self._notes:
-                super().take_note(self._notes.popleft())
+                super().take_note(*self._notes.popleft())
             if queues[0]:
                 self._handle(queues[0])
             elif self._overdue:
