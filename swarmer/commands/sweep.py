@@ -1,0 +1,108 @@
+"""`swarmer sweep`: an experiment file's runs on this machine's cores, and one table of them."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from swarmer.commands.run import directory_named
+from swarmer.errors import BadInput, RunFailed
+
+if TYPE_CHECKING:
+    from swarmer.experiments.experiment import Experiment
+    from swarmer.experiments.runs import Run
+    from swarmer.experiments.sweep import Ended
+
+MANY = 3000  # runs; more are refused without --yes
+
+
+@click.command("sweep")
+@click.argument("file")
+@click.option("--out", metavar="DIR", help="The sweep's directory. Named again, it is gone on with. [default: runs/EXPERIMENT]")  # fmt: skip
+@click.option("--jobs", type=click.IntRange(1, 1024), metavar="N", help="Runs at a time. [default: one for each core]")  # fmt: skip
+@click.option("--seeds", metavar="N|LIST", help="In place of the file's: a count, or numbers with commas between, as 3,7.")  # fmt: skip
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="A setting of every run, in place of the file's base; may be repeated.")  # fmt: skip
+@click.option("--dry-run", is_flag=True, help="List the runs, one a line, and make none.")
+@click.option("--yes", is_flag=True, help=f"Go on even if these are more than {MANY} runs.")
+def command(
+    file: str,
+    out: str | None,
+    jobs: int | None,
+    seeds: str | None,
+    overrides: tuple[str, ...],
+    dry_run: bool,
+    yes: bool,
+) -> None:
+    """Make the runs of an experiment: every combination of its grid's values with every seed.
+
+    FILE is a YAML file, or the name of an experiment that ships. It holds base (settings), grid (setting: list of
+    values) and seeds (a count or a list). Each run has a directory of its own; results.csv has a row for each.
+    Started again, a sweep makes what is missing and repeats nothing. The last line of stdout is its directory.
+    """
+    from swarmer.engines.limits import cores
+    from swarmer.experiments.experiment import read_experiment
+    from swarmer.experiments.runs import check_plans, expand, size
+
+    directory = directory_named(out)
+    experiment = read_experiment(file, overrides, seeds)
+    if size(experiment) > MANY and not yes:
+        raise BadInput.saying(
+            f"{experiment.file}: stands for {size(experiment):,} runs; more than {MANY:,} need --yes"
+        )
+    runs = expand(experiment)
+    if dry_run:
+        for run in runs:
+            click.echo(run.path.as_posix())
+        return
+    check_plans(runs, experiment.file)
+    carry_out(experiment, runs, directory or Path("runs") / experiment.name, jobs or cores())
+
+
+def carry_out(experiment: Experiment, runs: list[Run], out: Path, jobs: int) -> None:
+    """Make them, print the table, and say what failed. Raises RunFailed, KeyboardInterrupt."""
+    from swarmer.experiments.board import Board
+    from swarmer.experiments.results import RESULTS
+    from swarmer.experiments.sweep import sweep
+    from swarmer.experiments.tables import lines_of
+
+    try:
+        with ctrl_c():
+            ended = sweep(experiment, runs, out, jobs, Board())
+    except KeyboardInterrupt:
+        click.echo(f"what is finished is in {out}; the same command goes on with the rest", err=True)
+        raise
+    for line in lines_of(out / RESULTS):
+        click.echo(line)
+    click.echo(str(out))
+    tell(ended, out)
+
+
+def tell(ended: Ended, out: Path) -> None:
+    """The last words. Raises RunFailed if a run has failed."""
+    if ended.failures:
+        run, outcome = ended.failures[0]
+        raise RunFailed(
+            f"{len(ended.failures)} of {ended.total} runs failed, the first {run.path} ({outcome.message}); "
+            f"started again with --out {out} these are made anew"
+        )
+
+
+@contextlib.contextmanager
+def ctrl_c() -> Iterator[None]:
+    """What ends a terminal or a job ends the sweep as Ctrl-C does: in good order."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.signal(number, interrupt) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

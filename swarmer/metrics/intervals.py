@@ -1,0 +1,100 @@
+"""Estimates with 95 % confidence intervals, for few runs, some of which may never have got where they should.
+
+Three questions, a method for each, named in what it gives:
+
+- a mean (datagrams, thaws): Student's t;
+- a median of times, where a run that never got there counts as later than all that did: order statistics, the ranks
+  of the binomial distribution, which assume nothing about how the times are distributed;
+- a share of runs: Wilson's score.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+LEVEL = 0.95
+ENOUGH = 0.9  # an interval that holds the truth less often is none
+NEVER = math.inf
+
+
+class Interval(NamedTuple):
+    """An estimate between two bounds; without enough values to tell, the bounds are NaN."""
+
+    estimate: float
+    low: float
+    high: float
+    method: str  # "t", "ranks" or "wilson"
+    n: int
+    level: float = LEVEL  # the share of experiments whose interval holds the truth
+
+
+def mean(values: Sequence[float], level: float = LEVEL) -> Interval:
+    """The mean, with Student's t interval: exact for normal values, good for others that are not too skew.
+
+    >>> mean([1.0, 2.0, 3.0])
+    Interval(estimate=2.0, low=-0.484..., high=4.484..., method='t', n=3, level=0.95)
+    """
+    n = len(values)
+    if n == 0:
+        return Interval(math.nan, math.nan, math.nan, "t", 0, level)
+    middle = math.fsum(values) / n
+    if n == 1:
+        return Interval(middle, math.nan, math.nan, "t", 1, level)
+    from scipy.special import stdtrit
+
+    variance = math.fsum((value - middle) ** 2 for value in values) / (n - 1)
+    half = float(stdtrit(n - 1, (1 + level) / 2)) * math.sqrt(variance / n)
+    return Interval(middle, middle - half, middle + half, "t", n, level)
+
+
+def median(values: Sequence[float], level: float = LEVEL) -> Interval:
+    """The median, between the two values whose ranks hold it with at least `level`.
+
+    NEVER (infinity) is a value like any other, the largest. Of 5 values the smallest and the largest hold the median
+    with 0.9375, and `level` of the result says so; of fewer than 5 no two hold it with 0.9, and there are no bounds.
+
+    >>> median([7.0, 5.0, 6.0, NEVER, 5.5])
+    Interval(estimate=6.0, low=5.0, high=inf, method='ranks', n=5, level=0.9375)
+    """
+    n = len(values)
+    if n == 0:
+        return Interval(math.nan, math.nan, math.nan, "ranks", 0, level)
+    ordered = sorted(values)
+    lower, upper = ordered[(n - 1) // 2], ordered[n // 2]
+    middle = upper if lower == upper else (lower + upper) / 2
+    rank, held = _rank(n, level)
+    if held < ENOUGH:
+        return Interval(middle, math.nan, math.nan, "ranks", n, level)
+    return Interval(middle, ordered[rank - 1], ordered[n - rank], "ranks", n, held)
+
+
+def _rank(n: int, level: float) -> tuple[int, float]:
+    """The largest rank r, from 1, such that the r-th value from below and from above hold the median with at least
+    `level`, and with what they do hold it; r is 1 if none does.
+    """
+    rank, below = 1, 0.5**n  # below: P(Binomial(n, 1/2) < rank)
+    while rank + 1 <= n / 2:
+        next_below = below + math.comb(n, rank) * 0.5**n
+        if 1 - 2 * next_below < level:
+            break
+        rank, below = rank + 1, next_below
+    return rank, 1 - 2 * below
+
+
+def share(hits: int, n: int, level: float = LEVEL) -> Interval:
+    """The share of `n` runs that `hits` are, with Wilson's interval.
+
+    >>> share(10, 10).low > 0.72
+    True
+    """
+    if n == 0:
+        return Interval(math.nan, math.nan, math.nan, "wilson", 0, level)
+    from scipy.special import ndtri
+
+    z = float(ndtri((1 + level) / 2))
+    p = hits / n
+    centre = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    return Interval(p, max(0.0, centre - half), min(1.0, centre + half), "wilson", n, level)
