@@ -33,11 +33,11 @@ class Board:
         self._began = self._shown_at = clock()
 
     def planned(self, title: str, total: int, before: int, jobs: int) -> None:
-        """total: runs of the sweep, of which `before` are finished already."""
+        """total: runs of the sweep, of which `before` are finished already. jobs: at a time; 0 if none is missing."""
         self._title, self._total, self._before = title, total, before
         self._began = self._shown_at = self._clock()
         there = f", {before} of them finished already" if before else ""
-        self.say(f"{title}: {total} runs{there}, {jobs} at a time")
+        self.say(f"{title}: {total} runs{there}, " + (f"{jobs} at a time" if jobs else "nothing is missing"))
 
     def started(self, run: Run) -> None:
         """A run begins."""

@@ -71,7 +71,8 @@ def _make_way(path: Path) -> None:
 
 
 def _disk_full(failure: BaseException) -> bool:
-    return isinstance(failure.__cause__, OSError) and failure.__cause__.errno in DISK_FULL
+    cause = failure.__cause__ or failure.__context__
+    return isinstance(cause, OSError) and cause.errno in DISK_FULL
 
 
 def _fault(error: Exception) -> str:

@@ -7,6 +7,7 @@ go on. A worker ends at once when the sweep does, however that ends: it listens 
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import threading
@@ -79,7 +80,8 @@ class Pool:
         if worker is None:
             worker = ProcessPoolExecutor(1, self._context, _listen, (self._ear,))
             self._slots[slot] = worker
-        return worker.submit(perform, run.config, self._out / run.path)
+        with _deaf():
+            return worker.submit(perform, run.config, self._out / run.path)
 
     def _outcome(self, future: Future[Outcome], slot: int) -> Outcome:
         try:
@@ -89,9 +91,26 @@ class Pool:
             return Outcome("failed", DIED)
 
 
+@contextlib.contextmanager
+def _deaf() -> Iterator[None]:
+    """A process begun here ignores Ctrl-C from its first moment, before any line of ours; this one hears it later."""
+    if not hasattr(signal, "pthread_sigmask") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
 def _listen(ear: Connection) -> None:
     """In the worker: end with the sweep. Ctrl-C is the sweep's to answer, or the engine's while a run lives."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_end_with, args=(ear,), daemon=True).start()
 
 

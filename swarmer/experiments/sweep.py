@@ -7,31 +7,20 @@ of the settings of a run that is there is refused: the rows of one table are com
 
 from __future__ import annotations
 
-import contextlib
-import json
-import os
 import time
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import yaml
-
-import swarmer
-from swarmer.errors import BadInput, RunFailed
+from swarmer.errors import RunFailed
 from swarmer.experiments.board import Board
 from swarmer.experiments.experiment import Experiment
 from swarmer.experiments.one_run import Outcome
 from swarmer.experiments.pool import Pool
 from swarmer.experiments.results import RESULTS, Results
 from swarmer.experiments.runs import Run, by_seed, varied_names
-from swarmer.observe.files import PARTIAL, TEMPORARY, write_text
-from swarmer.observe.run_directory import MANIFEST, SUMMARY, lock_directory
-from swarmer.settings import as_yaml
+from swarmer.experiments.sweep_directory import SweepDirectory
 
-EXPERIMENT = "experiment.yaml"
 WRITE_EVERY_S = 1.0
-CHANGES_SHOWN = 4
 
 
 class Ended(NamedTuple):
@@ -48,16 +37,19 @@ def sweep(experiment: Experiment, runs: list[Run], out: Path, jobs: int, board: 
     Raises BadInput for a directory that is not this experiment's, RunFailed if the disk is full. On Ctrl-C the workers
     end at once, the table is written and KeyboardInterrupt goes on.
     """
-    with opened(out):
-        there = finished(out, runs)
-        write_text(out / EXPERIMENT, as_file(experiment))
+    with SweepDirectory(out) as directory:
+        there = directory.finished(runs)
+        notes = directory.notes(experiment, runs)
+        directory.write(experiment)
         results = Results(out / RESULTS, runs, varied_names(experiment))
         for run in runs:
             if run.path in there:
                 results.add(run, there[run.path])
         results.write()
         missing = [run for run in runs if run.path not in there]
-        board.planned(experiment.name, len(runs), len(there), min(jobs, max(len(missing), 1)))
+        for note in notes:
+            board.say(f"note: {note}")
+        board.planned(experiment.name, len(runs), len(there), min(jobs, len(missing)))
         try:
             return Ended(len(runs), len(missing), _make(missing, out, jobs, board, results))
         finally:
@@ -90,94 +82,3 @@ def _make(
                     results.write()
                     written = time.monotonic()
     return failures
-
-
-# -- the directory ---------------------------------------------------------------------------------------------------
-
-
-@contextlib.contextmanager
-def opened(out: Path) -> Iterator[None]:
-    """The sweep's directory, made or taken up again, and held as long as this lasts. Raises BadInput, RunFailed."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        names = {path.name for path in out.iterdir()}
-    except (NotADirectoryError, FileExistsError):
-        raise BadInput("out", str(out), "it is a file; the path of a directory") from None
-    except OSError as error:
-        raise RunFailed(f"cannot make {out}: {error.strerror}") from error
-    if names and not names & {EXPERIMENT, RESULTS, EXPERIMENT + TEMPORARY, RESULTS + PARTIAL}:
-        raise BadInput(
-            "out", str(out), f"it holds other files ({min(names)}); choose a new or empty directory"
-        )
-    lock = lock_directory(out)
-    try:
-        yield
-    finally:
-        if lock is not None:
-            os.close(lock)
-
-
-def finished(out: Path, runs: list[Run]) -> dict[Path, dict[str, Any]]:
-    """The summaries of the runs that are there. Raises BadInput if one of them has other settings by now."""
-    there: dict[Path, dict[str, Any]] = {}
-    changes: dict[str, int] = {}
-    for run in runs:
-        summary = _read(out / run.path / SUMMARY)
-        if summary.get("status") != "done":
-            continue
-        there[run.path] = summary
-        then = _read(out / run.path / MANIFEST).get("settings")
-        now = run.config.unusual()
-        if then != now:
-            for change in _changes(then if isinstance(then, dict) else {}, now):
-                changes[change] = changes.get(change, 0) + 1
-    if changes:
-        said = [f"{change} (runs: {number})" for change, number in changes.items()]
-        more = f" and {len(said) - CHANGES_SHOWN} more changes" if len(said) > CHANGES_SHOWN else ""
-        raise BadInput(
-            "out", str(out),
-            f"its runs were made with other settings: {'; '.join(said[:CHANGES_SHOWN])}{more}; "
-            "choose another directory with --out",
-        )  # fmt: skip
-    return there
-
-
-def _changes(then: dict[str, str], now: dict[str, str]) -> list[str]:
-    names = sorted(name for name in {*then, *now} if then.get(name) != now.get(name))
-    return [
-        f"{name} was {then.get(name, 'the default')}, is {now.get(name, 'the default')}" for name in names
-    ]
-
-
-def _read(path: Path) -> dict[str, Any]:
-    """What a JSON file holds; nothing if it is not there or not whole."""
-    try:
-        data = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return data if isinstance(data, dict) else {}
-
-
-def as_file(experiment: Experiment) -> str:
-    """The experiment as a file that `swarmer sweep` takes: presets resolved, overrides in it."""
-    from swarmer.experiments.experiment import FACTS
-
-    base = {name: value for name, value in experiment.base.items() if value != FACTS[name].default}
-    blocks = [
-        {"base": dict(block.own), "grid": {name: list(values) for name, values in block.grid.items()},
-         "seeds": list(block.seeds)}
-        for block in experiment.blocks
-    ]  # fmt: skip
-    head = f"# swarmer {swarmer.__version__}: the experiment {experiment.name}; `swarmer sweep FILE` goes on with it\n"
-    return head + yaml.safe_dump(
-        {"base": _plain(base), "blocks": _plain(blocks)}, sort_keys=False, allow_unicode=True
-    )
-
-
-def _plain(value: Any) -> Any:
-    """As YAML keeps it: lists for tuples, 500 for 500.0."""
-    if isinstance(value, dict):
-        return {name: _plain(inner) for name, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
-    return int(as_yaml(value)) if isinstance(value, float) and value.is_integer() else value
