@@ -110,11 +110,18 @@ def seeds_of(given: Any, where: str) -> tuple[int, ...]:
 def _as_list(text: str) -> Any:
     """`10` is a count; `1,5,9` and `7,` are lists."""
     try:
-        return (
-            [int(part) for part in text.split(",") if part.strip()] if "," in text else int(text)
-        )  # of at most
+        return [int(part) for part in text.split(",") if part.strip()] if "," in text else int(text)
     except ValueError:
         return text
+
+
+def _others(extended: Mapping[str, Any], base: Mapping[str, Any], kept: set[str]) -> dict[str, Any]:
+    """What makes a block that extends a preset another one: the settings that are not as in the file's base.
+
+    kept: what the file itself says for all its blocks, and no preset changes.
+    """
+    before = {name: base.get(name, fact.default) for name, fact in FACTS.items()}
+    return {name: value for name, value in extended.items() if name not in kept and value != before[name]}
 
 
 class _Reader:
@@ -128,36 +135,35 @@ class _Reader:
         whole = read_mapping(self.path)
         entries = self._blocks(whole.pop(BLOCKS, None))
         self._check_parts(whole, "", (*PARTS, BLOCKS))
-        base = self._base(whole.get("base"), "base")
-        grid = self._grid(whole.get("grid"), "grid")
-        forced = flat_layers(None, overrides, {}, FACTS.values())
-        self._check_values(forced, "--set")
-        common = whole.get("seeds", 1)
+        below, all_say = self._base(whole.get("base"), "base")
+        base, grid = below | QUIET | all_say, self._grid(whole.get("grid"), "grid")
+        self._check_apart(grid, all_say, "base")
+        common = self._seeds(whole.get("seeds", 1), "seeds")
+        forced = self._check_values(flat_layers(None, overrides, {}, FACTS.values()), "--set")
         blocks = []
-        for number, entry in entries.items():
-            where = f"block {number}: " if number else ""
-            if number:
-                self._check_parts(entry, where, PARTS)
-            own = self._own(entry.get("base") if number else None, f"{where}base", base)
-            varied = grid | (self._grid(entry.get("grid"), f"{where}grid") if number else {})
-            self._check_apart(varied, own if number else base, f"{where}base")
+        for number, entry in enumerate(entries, 1):
+            where = f"block {number}: "
+            self._check_parts(entry, where, PARTS)
+            extended, said = self._base(entry.get("base"), f"{where}base")
+            varied = grid | self._grid(entry.get("grid"), f"{where}grid")
+            self._check_apart(varied, said, f"{where}base")
             self._check_apart(varied, forced, "--set")
-            own = {name: value for name, value in own.items() if name not in forced}
-            blocks.append(
-                Block(own, varied, seeds or self._seeds(entry.get("seeds", common), f"{where}seeds"))
-            )
+            own = _others(extended, base, {*QUIET, *all_say}) | said
+            own = {name: value for name, value in own.items() if name not in forced and name not in varied}
+            its = self._seeds(entry["seeds"], f"{where}seeds") if "seeds" in entry else common
+            blocks.append(Block(own, varied, seeds or its))
         if self.lines:
             raise BadInput.saying(*self.lines)
         return Experiment(self.path.stem, base | forced, tuple(blocks), self.file)
 
-    def _blocks(self, given: Any) -> dict[int, dict[str, Any]]:
-        """The entries of `blocks` by their number from 1; number 0 where the file itself is the only one."""
+    def _blocks(self, given: Any) -> list[dict[str, Any]]:
+        """The entries of `blocks`; where there are none, the file itself is the only one, and adds nothing."""
         if given is None:
-            return {0: {}}
+            return [{}]
         if isinstance(given, list) and given and all(isinstance(entry, dict) for entry in given):
-            return dict(enumerate(given, 1))
+            return given
         self._say(BLOCKS, f"{shown(given)} is not a list of entries with {', '.join(PARTS)}")
-        return {}
+        return []
 
     def _check_parts(self, mapping: Mapping[str, Any], where: str, parts: tuple[str, ...]) -> None:
         for name in mapping:
@@ -165,21 +171,8 @@ class _Reader:
                 hint = did_you_mean(name, parts)
                 self._say(f"{where}{shown(name)[1:-1]}", f"no such part;{hint} there are {', '.join(parts)}")
 
-    def _base(self, given: Any, where: str) -> dict[str, Any]:
-        """The settings of a base and of the preset or file that it extends."""
-        extended, said = self._layers(given, where)
-        return extended | QUIET | said
-
-    def _own(self, given: Any, where: str, base: Mapping[str, Any]) -> dict[str, Any]:
-        """What a block's base says itself; of what it extends, that which is not the file's already."""
-        extended, said = self._layers(given, where)
-        if not extended:
-            return said
-        before = {name: base.get(name, fact.default) for name, fact in FACTS.items()}
-        other = {name: value for name, value in extended.items() if value != before[name]}
-        return {name: value for name, value in other.items() if name not in QUIET} | said
-
-    def _layers(self, given: Any, where: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    def _base(self, given: Any, where: str) -> tuple[dict[str, Any], dict[str, Any]]:
+        """The settings of the preset or file that a base extends, and those that it has itself."""
         said = dict(self._mapping(given, where))
         extends = said.pop("extends", None)
         extended: dict[str, Any] = {}
@@ -188,7 +181,9 @@ class _Reader:
                 self._say(where, f"extends: {shown(extends)} is not a preset's name or a path")
             elif extends is not None:
                 file = extends if extends in preset_names() else self.path.parent / extends
-                extended = self._check_values(flat_layers(file, (), {}, FACTS.values()), where)
+                layers = flat_layers(file, (), {}, FACTS.values())
+                layers.pop(SEED, None)  # a preset has one, and an experiment has seeds
+                extended = self._check_values(layers, where)
             return extended, self._check_values(flatten(said, FACTS, where), where)
         except BadInput as error:
             self.lines += [f"{self.file}: {line}" for line in error.lines]
@@ -235,7 +230,7 @@ class _Reader:
 
     def _check_apart(self, grid: Mapping[str, Any], base: Mapping[str, Any], where: str) -> None:
         for name in grid:
-            if name in base and base is not QUIET:
+            if name in base:
                 self._say(where, f"{name}: stands in grid, too; give it once")
 
     def _seeds(self, given: Any, where: str) -> tuple[int, ...]:

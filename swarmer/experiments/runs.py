@@ -108,7 +108,7 @@ def check_plans(runs: Iterable[Run], file: str) -> None:
             try:
                 make_plan(run.config)
             except BadInput as error:
-                raise BadInput.saying(*(f"{file}: {_of(run.varied)}{line}" for line in error.lines)) from None
+                raise BadInput.saying(f"{file}: {_of(run.varied)}{error}") from None
 
 
 def _config(experiment: Experiment, varied: dict[str, Any]) -> RunConfig:
