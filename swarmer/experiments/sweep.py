@@ -54,6 +54,9 @@ def sweep(experiment: Experiment, runs: list[Run], out: Path, jobs: int, board: 
             return Ended(len(runs), len(missing), _make(missing, out, jobs, board, results))
         finally:
             board.close()
+            for run in missing:  # also one that had just ended when we were interrupted
+                if summary := directory.summary_of(run):
+                    results.add(run, summary)
             results.write()
 
 

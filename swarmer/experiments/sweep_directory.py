@@ -73,8 +73,7 @@ class SweepDirectory:
         there: dict[Path, dict[str, Any]] = {}
         changes: dict[str, int] = {}
         for run in runs:
-            summary = _read(self.path / run.path / SUMMARY)
-            if summary.get("status") == "done":
+            if summary := self.summary_of(run):
                 there[run.path] = summary
                 for change in self._changes(run):
                     changes[change] = changes.get(change, 0) + 1
@@ -82,6 +81,11 @@ class SweepDirectory:
             allowed = f"runs there have other settings: {_some(changes)}; choose another directory with --out"
             raise BadInput("out", str(self.path), allowed)
         return there
+
+    def summary_of(self, run: Run) -> dict[str, Any] | None:
+        """The summary of a run that is done, else None."""
+        summary = _read(self.path / run.path / SUMMARY)
+        return summary if summary.get("status") == "done" else None
 
     def _changes(self, run: Run) -> list[str]:
         then, now = _read(self.path / run.path / MANIFEST).get("settings"), run.config.unusual()

@@ -1,0 +1,325 @@
+"""Sweeps: every run once, whatever ends them in between, and each the run that it is by hand."""
+
+import csv
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from helpers import children, gone, wait_for
+
+from swarmer.errors import BadInput, RunFailed
+from swarmer.experiments import sweep as sweeps
+from swarmer.experiments.board import Board
+from swarmer.experiments.experiment import read_experiment
+from swarmer.experiments.one_run import perform
+from swarmer.experiments.pool import DIED, Pool
+from swarmer.experiments.runs import expand
+from swarmer.observe import files
+
+SWEEP = "from swarmer import cli; import sys; sys.argv[0] = 'swarmer'; cli.main()"
+TINY = "base: {engine: virtual, shape: sphere, points: 12, duration_s: 2}\ngrid: {radio.loss: [0, 0.1]}\nseeds: 2\n"
+LONG = "base: {engine: virtual, shape: sphere, points: 30, duration_s: 10, lambda_ms: 60}\nseeds: 12\n"
+
+
+def start(*arguments, cwd, **more):
+    """Start `swarmer sweep`, with Ctrl-C as a terminal has it."""
+    return subprocess.Popen(
+        [sys.executable, "-c", SWEEP, "sweep", *map(str, arguments)],
+        cwd=cwd, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler), **more,
+    )  # fmt: skip
+
+
+def swept(*arguments, cwd, status=0):
+    """A sweep to its end; stdout and stderr."""
+    process = start(*arguments, cwd=cwd)
+    out, err = process.communicate(timeout=100)
+    assert process.returncode == status, err
+    assert "Traceback" not in err
+    return out, err
+
+
+def rows(out):
+    with (out / "results.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def summaries(out):
+    return sorted(out.glob("**/summary.json"))
+
+
+def traces(out):
+    """What happened in each run, to the last event."""
+    return {
+        str(path.parent.relative_to(out)): json.loads(path.read_text())["trace_sha256"]
+        for path in summaries(out)
+    }
+
+
+class Quiet(Board):
+    def say(self, line):
+        pass
+
+
+def in_process(file, out, jobs=1):
+    experiment = read_experiment(str(file))
+    return sweeps.sweep(experiment, expand(experiment), out, jobs, Quiet())
+
+
+def test_a_sweep_leaves_a_directory_for_each_run_and_one_table(write, tmp_path):
+    out, _ = swept(write(TINY), "--out", "o", "--jobs", "2", cwd=tmp_path)
+    assert out.splitlines()[-1] == "o"
+    assert "radio.loss" in out.splitlines()[0]
+    table = rows(tmp_path / "o")
+    assert list(table[0])[:3] == ["radio.loss", "seed", "format"]
+    assert list(table[0])[-1] == "run"
+    assert [(row["radio.loss"], row["seed"]) for row in table] == [
+        ("0", "1"),
+        ("0", "2"),
+        ("0.1", "1"),
+        ("0.1", "2"),
+    ]
+    for row in table:
+        run = tmp_path / "o" / row["run"]
+        summary = json.loads((run / "summary.json").read_text())
+        assert float(row["hd_cells"]) == summary["hd_cells"]
+        assert row["time_to_hd_s.0.01"] == ""
+        assert row["timer_late_ms.p99"] == "0"
+        assert row["faithful"] == "true"
+        assert {"wall_s", "events", "thaws", "datagrams_sent", "trace_sha256"} <= set(row)
+        assert not (run / "recording.rrd").exists()
+        assert (run / "timeline.npz").exists()
+
+
+def test_a_run_is_the_same_by_hand_and_however_many_run_at_once(write, tmp_path):
+    file = write(TINY)
+    in_process(file, tmp_path / "one", jobs=1)
+    in_process(file, tmp_path / "three", jobs=3)
+    assert len(traces(tmp_path / "one")) == 4
+    assert traces(tmp_path / "one") == traces(tmp_path / "three")
+    by_hand = ["--engine", "virtual", "--shape", "sphere", "--points", "12", "--duration", "2", "--seed", "2"]
+    by_hand += ["--set", "radio.loss=0.1", "--json"]
+    done = subprocess.run(
+        [sys.executable, "-c", "from swarmer import cli; cli.main_run()", *by_hand],
+        cwd=tmp_path, capture_output=True, text=True, timeout=60, env={**os.environ, "PYTHONHASHSEED": "5"},
+    )  # fmt: skip
+    assert json.loads(done.stdout)["trace_sha256"] == traces(tmp_path / "one")["radio.loss=0.1/seed-2"]
+
+
+@pytest.mark.slow
+def test_killed_and_started_again_it_makes_what_is_missing_and_repeats_nothing(write, tmp_path):
+    file, out = write(LONG), tmp_path / "o"
+    process = start(file, "--out", out, "--jobs", "2", cwd=tmp_path)
+    wait_for(lambda: len(summaries(out)) >= 3, every=0.01)
+    workers = children(process.pid)
+    assert workers
+    process.kill()
+    process.communicate()
+    wait_for(lambda: gone(workers))
+    there = {path: path.stat().st_mtime_ns for path in summaries(out)}
+    assert 3 <= len(there) < 12
+    assert 0 < len(rows(out)) <= len(there)
+    _, err = swept(file, "--out", out, "--jobs", "2", cwd=tmp_path)
+    assert f"12 runs, {len(there)} of them finished already" in err
+    assert {path: path.stat().st_mtime_ns for path in there} == there
+    assert [row["seed"] for row in rows(out)] == [str(seed) for seed in range(1, 13)]
+    assert {row["status"] for row in rows(out)} == {"done"}
+    before = {path: path.stat().st_mtime_ns for path in summaries(out)}
+    _, err = swept(file, "--out", out, cwd=tmp_path)
+    assert "nothing is missing" in err
+    assert {path: path.stat().st_mtime_ns for path in summaries(out)} == before
+    assert not list(out.glob("**/*.partial"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("whole_group", [False, True], ids=["the sweep alone", "as a terminal does it"])
+def test_ctrl_c_ends_it_in_good_order(whole_group, write, tmp_path):
+    file, out = write(LONG), tmp_path / "o"
+    process = start(file, "--out", out, "--jobs", "2", cwd=tmp_path, start_new_session=True)
+    wait_for(lambda: summaries(out), every=0.01)
+    workers = children(process.pid)
+    if whole_group:
+        os.killpg(process.pid, signal.SIGINT)
+    else:
+        process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in err
+    assert err.splitlines()[-1] == "interrupted"
+    assert "the same command goes on with the rest" in err
+    wait_for(lambda: gone(workers))
+    done = [path for path in summaries(out) if json.loads(path.read_text())["status"] == "done"]
+    assert 0 < len(done) < 12
+    assert len(rows(out)) == len(done)
+    assert not list(out.glob("**/results.csv.tmp"))
+
+
+def test_half_runs_and_failed_ones_are_made_anew(write, tmp_path):
+    file, out = write(TINY), tmp_path / "o"
+    in_process(file, out)
+    whole = traces(out)
+    failed, half, kept = (out / name for name in list(whole)[:3])
+    spoilt = json.loads((failed / "summary.json").read_text()) | {
+        "status": "interrupted",
+        "trace_sha256": "?",
+    }
+    (failed / "summary.json").write_text(json.dumps(spoilt))
+    (half / "summary.json").unlink()
+    (half / "events.csv").rename(half / "events.csv.partial")
+    (out / "results.csv").unlink()
+    before = (kept / "summary.json").stat().st_mtime_ns
+    ended = in_process(file, out)
+    assert (ended.total, ended.made, ended.failures) == (4, 2, [])
+    assert traces(out) == whole
+    assert (kept / "summary.json").stat().st_mtime_ns == before
+    assert len(rows(out)) == 4
+
+
+def test_a_failed_run_has_a_row_and_ends_with_1_and_is_made_anew(write, tmp_path):
+    (tmp_path / "o" / "radio.loss=0" / "seed-2").mkdir(parents=True)
+    (tmp_path / "o" / "experiment.yaml").touch()
+    strange = tmp_path / "o" / "radio.loss=0" / "seed-2" / "thesis.tex"
+    strange.touch()
+    _, err = swept(write(TINY), "--out", "o", cwd=tmp_path, status=1)
+    assert "error: 1 of 4 runs failed, the first radio.loss=0/seed-2 (out: " in err
+    assert len(err.splitlines()) == 3  # planned, the failure as it happened, the error
+    assert [row["status"] for row in rows(tmp_path / "o")] == ["done", "failed", "done", "done"]
+    assert "thesis.tex" in rows(tmp_path / "o")[1]["message"]
+    assert strange.exists()
+    strange.unlink()
+    swept(write(TINY), "--out", "o", cwd=tmp_path)
+    assert [row["status"] for row in rows(tmp_path / "o")] == ["done"] * 4
+
+
+def test_more_seeds_and_values_are_only_made_besides(write, tmp_path):
+    in_process(write(TINY), tmp_path / "o")
+    more = write(TINY.replace("[0, 0.1]", "[0, 0.1, 0.2]").replace("seeds: 2", "seeds: 3"))
+    assert in_process(more, tmp_path / "o").made == 9 - 4
+    assert len(rows(tmp_path / "o")) == 9
+
+
+def test_what_is_not_in_the_file_any_more_stays_and_is_told(write, tmp_path):
+    in_process(write(TINY), tmp_path / "o")
+    _, err = swept(write(TINY.replace("seeds: 2", "seeds: [2]")), "--out", "o", cwd=tmp_path)
+    assert "the experiment has changed: seeds was [1, 2], is [2]" in err
+    assert "2 runs there are not of this experiment" in err
+    assert len(summaries(tmp_path / "o")) == 4
+    assert len(rows(tmp_path / "o")) == 2
+
+
+def test_other_settings_in_the_same_directory_are_refused_by_name(write, tmp_path):
+    in_process(write(TINY), tmp_path / "o")
+    before = (tmp_path / "o" / "results.csv").read_bytes()
+    with pytest.raises(BadInput, match=r"duration_s was 2, is 3 \(runs: 4\)"):
+        in_process(write(TINY.replace("duration_s: 2", "duration_s: 3")), tmp_path / "o")
+    assert (tmp_path / "o" / "results.csv").read_bytes() == before
+
+
+def test_the_experiment_that_is_written_down_is_the_same_experiment(write, tmp_path):
+    file = write(
+        TINY + "blocks:\n- {}\n- base: {extends: paper, points: 14}\n  grid: {thaw.policy: ['off', timer]}\n"
+    )
+    in_process(file, tmp_path / "o")
+    written = expand(read_experiment(str(tmp_path / "o" / "experiment.yaml")))
+    assert written == expand(read_experiment(str(file)))
+
+
+def test_a_directory_of_someone_else_is_refused(write, tmp_path):
+    for place in (tmp_path, write(TINY)):
+        with pytest.raises(BadInput, match="out: "):
+            in_process(write(TINY), place)
+
+
+def test_two_sweeps_do_not_share_a_directory(write, tmp_path):
+    file, out = write(LONG), tmp_path / "o"
+    process = start(file, "--out", out, cwd=tmp_path)
+    wait_for((out / "results.csv").exists)
+    with pytest.raises(BadInput, match="another sweep is writing there"):
+        in_process(file, out)
+    process.kill()
+    process.communicate()
+
+
+def test_a_worker_that_is_killed_takes_one_run_with_it(write, tmp_path):
+    runs = expand(read_experiment(str(write(LONG.replace("seeds: 12", "seeds: 4")))))
+    killed, outcomes = [], []
+
+    def kill_one():
+        """As soon as the first run is under way."""
+        if not killed and (tmp_path / runs[0].path / "manifest.json").exists():
+            worker = pool._slots[0]
+            killed.extend(worker._processes)
+            os.kill(killed[0], signal.SIGKILL)
+
+    with Pool(2, tmp_path) as pool:
+        for run, outcome in pool.outcomes(runs, lambda run: None, kill_one):
+            outcomes.append((run.config.seed, outcome.status, outcome.message))
+    assert killed
+    assert len([status for _, status, _ in outcomes if status == "done"]) == 3
+    assert [message for _, status, message in outcomes if status == "failed"] == [DIED]
+
+
+@pytest.fixture
+def full_disk(monkeypatch):
+    def refuse(fd, data):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(files, "write_bytes", refuse)
+
+
+def test_a_full_disk_is_known_from_other_failures(full_disk, write, tmp_path):
+    outcome = perform(expand(read_experiment(str(write(TINY))))[0].config, tmp_path / "run")
+    assert outcome.status == "failed"
+    assert outcome.disk_full
+    assert "No space left on device" in outcome.message
+
+
+def test_a_full_disk_ends_the_sweep(write, tmp_path, monkeypatch):
+    class FullPool(Pool):
+        def outcomes(self, runs, started, tick):
+            yield runs[0], sweeps.Outcome("failed", "cannot write x: No space left on device", disk_full=True)
+            raise AssertionError("went on")
+
+    monkeypatch.setattr(sweeps, "Pool", FullPool)
+    with pytest.raises(RunFailed, match="No space left"):
+        in_process(write(TINY), tmp_path / "o")
+
+
+def test_a_fault_of_ours_is_the_failure_of_one_run(write, tmp_path, monkeypatch):
+    config = expand(read_experiment(str(write(TINY))))[0].config
+    monkeypatch.setattr("swarmer.plan.make_plan", lambda config: 1 / 0)
+    outcome = perform(config, tmp_path / "run")
+    assert outcome.status == "failed"
+    assert outcome.message.startswith("ZeroDivisionError: division by zero (test_sweep.py:")
+
+
+@pytest.mark.processes
+@pytest.mark.slow
+def test_runs_of_processes_are_made_alone_and_last(write, tmp_path):
+    file = write(
+        "base: {shape: sphere, points: 8, duration_s: 1.5, time_scale: auto}\n"
+        "grid: {engine: [process, virtual]}\nseeds: 2\n"
+    )
+    running, most = set(), {}
+
+    class Watch(Quiet):
+        def started(self, run):
+            running.add(run.path)
+            most[run.path] = len(running)
+
+        def ended(self, run, outcome):
+            running.discard(run.path)
+
+    experiment = read_experiment(str(file))
+    ended = sweeps.sweep(experiment, expand(experiment), tmp_path / "o", 2, Watch())
+    assert not ended.failures
+    assert list(map(str, most)) == [
+        "engine=virtual/seed-1", "engine=virtual/seed-2", "engine=process/seed-1", "engine=process/seed-2",
+    ]  # fmt: skip
+    assert [most[Path(f"engine=process/seed-{seed}")] for seed in (1, 2)] == [1, 1]
+    assert max(most.values()) == 2

@@ -1,0 +1,64 @@
+"""The table of a sweep: cells, medians, means, and runs that never got there or failed."""
+
+import pytest
+
+from swarmer.experiments.tables import lines_of, markdown_of, table_of
+
+HEAD = "thaw.policy,radio.loss,seed,status,time_to_hd_s.1,time_to_hd_s.0.001,thaws,datagrams_sent,run\n"
+
+
+@pytest.fixture
+def results(tmp_path):
+    rows = []
+    for seed in range(1, 11):
+        late = "" if seed > 6 else f"{20 + seed}"
+        rows.append(f"census,0,{seed},done,{seed},{late},{seed % 2},{1000 * seed},a/seed-{seed}\n")
+    rows.append("timer,0.1,1,done,7.25,,2,1234567,b/seed-1\n")
+    rows.append("timer,0.1,2,failed,,,,,b/seed-2\n")
+    path = tmp_path / "results.csv"
+    path.write_text(HEAD + "".join(rows))
+    return path
+
+
+def test_each_cell_has_its_figures_with_their_intervals(results):
+    table = table_of(results)
+    assert table.settings == 2
+    assert table.titles == [
+        "thaw.policy",
+        "radio.loss",
+        "runs",
+        "HD < 1, s",
+        "< 0.001, s",
+        "thaws",
+        "datagrams sent",
+    ]
+    first, second = table.rows
+    # Of 1..10 the median and the 2nd and 9th; of 21..26 and four that never got there the 22nd to never.
+    assert first == [
+        "census", "0", "10", "5.5 [2.0, 9.0]", "25.5 [22.0, never] (6/10)", "0.5 [0.1, 0.9]", "5,500 [3,334, 7,666]",
+    ]  # fmt: skip
+    assert second == ["timer", "0.1", "1", "7.2", "never", "2.0", "1.23 M"]
+
+
+def test_lines_and_markdown_have_the_same_cells(results):
+    table = table_of(results)
+    lines = lines_of(results)
+    assert len(lines) == 3
+    assert all(
+        cell in line for line, row in zip(lines, [table.titles, *table.rows], strict=True) for cell in row
+    )
+    assert markdown_of(results).splitlines()[1] == "|" + " --- |" * len(table.titles)
+    assert markdown_of(results).splitlines()[3] == f"| {' | '.join(table.rows[1])} |"
+
+
+def test_no_finished_run_no_table(tmp_path):
+    path = tmp_path / "results.csv"
+    path.write_text("seed,status,message,run\n1,failed,why,seed-1\n")
+    assert lines_of(path) == []
+
+
+def test_another_table_is_refused(tmp_path):
+    path = tmp_path / "results.csv"
+    path.write_text("a,b\n1,2\n")
+    with pytest.raises(ValueError, match="is not a table of runs"):
+        table_of(path)
