@@ -43,10 +43,10 @@ COMMANDS = {
         "Play a recorded run: viewer, web page, terminal, or made anew.",
     ),
     "report": Lazy("swarmer.commands.report:command", "Write one HTML file about one or more runs."),
+    "shapes": Lazy("swarmer.commands.shapes:command", "List, show, check and make shapes."),
     "sweep": Lazy(
         "swarmer.commands.sweep:command", "Make the runs of an experiment file, and one table of them."
     ),
-    "shapes": Lazy("swarmer.commands.shapes:command", "List, show, check and make shapes."),
     "doctor": Lazy("swarmer.commands.doctor:command", "Tell what this machine can carry, and what to raise."),
 }
 

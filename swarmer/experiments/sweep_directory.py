@@ -19,7 +19,8 @@ from swarmer.experiments.experiment import FACTS, Experiment
 from swarmer.experiments.results import RESULTS
 from swarmer.experiments.runs import Run
 from swarmer.observe.files import TEMPORARY, write_text
-from swarmer.observe.run_directory import MANIFEST, SUMMARY, lock_directory
+from swarmer.observe.run_directory import MANIFEST, SUMMARY
+from swarmer.observe.run_directory import _lock as lock_directory
 from swarmer.settings import as_yaml
 from swarmer.yaml_file import parse
 
@@ -90,6 +91,8 @@ class SweepDirectory:
     def _changes(self, run: Run) -> list[str]:
         then, now = _read(self.path / run.path / MANIFEST).get("settings"), run.config.unusual()
         then = then if isinstance(then, dict) else {}
+        if "shape" in now and then.get("shape") == _whole_path(now["shape"]):
+            now = now | {"shape": then["shape"]}
         names = sorted(name for name in {*then, *now} if then.get(name) != now.get(name))
         return [
             f"{name} was {then.get(name, 'the default')}, is {now.get(name, 'the default')}" for name in names
@@ -126,6 +129,12 @@ class SweepDirectory:
         """The run directories that have a summary, as paths within this one."""
         found = [*self.path.glob(f"seed-*/{SUMMARY}"), *self.path.glob(f"*/seed-*/{SUMMARY}")]
         return [path.parent.relative_to(self.path) for path in found]
+
+
+def _whole_path(shape: str) -> str:
+    """A file of points as a run writes down where it is."""
+    path = Path(shape)
+    return str(path.parent.resolve() / path.name)
 
 
 def as_file(experiment: Experiment) -> str:

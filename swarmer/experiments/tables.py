@@ -59,8 +59,8 @@ def mean_shown(rows: list[Row], name: str) -> str:
 
 
 def bounded(interval: Interval, show: Callable[[float], str]) -> str:
-    """`7.1 [6.9, 7.4]`; without bounds the estimate alone."""
-    if math.isnan(interval.low):
+    """`7.1 [6.9, 7.4]`; the estimate alone where there are no bounds, or nothing between them."""
+    if math.isnan(interval.low) or interval.low == interval.high:
         return show(interval.estimate)
     return f"{show(interval.estimate)} [{show(interval.low)}, {show(interval.high)}]"
 

@@ -53,7 +53,7 @@ class RunDirectory:
 
     def __init__(self, path: Path, shape: str, seed: int, command: Sequence[str]) -> None:
         self.path = path
-        self._lock = lock_directory(path)
+        self._lock = _lock(path)
         self._manifest: dict[str, Any] = _manifest(shape, seed, command)
         self._streams: list[Stream] = []
         try:
@@ -196,7 +196,7 @@ def _clear(out: Path) -> None:
         raise BadInput(
             "out", str(out), f"it holds other files ({strange[0]}); choose a new or empty directory"
         )
-    lock = lock_directory(out)
+    lock = _lock(out)
     try:
         with disk_errors(out):
             for name in names:
@@ -207,7 +207,7 @@ def _clear(out: Path) -> None:
             os.close(lock)
 
 
-def lock_directory(path: Path) -> int | None:
+def _lock(path: Path) -> int | None:
     """Hold the directory while the run lives. Raises BadInput if another run does."""
     try:
         import fcntl

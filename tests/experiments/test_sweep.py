@@ -220,6 +220,19 @@ def test_other_settings_in_the_same_directory_are_refused_by_name(write, tmp_pat
     assert (tmp_path / "o" / "results.csv").read_bytes() == before
 
 
+@pytest.mark.parametrize("whole", [False, True], ids=["as named", "as a full path"])
+def test_a_file_of_points_is_the_same_by_its_full_path(whole, write, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("mine.xyz").write_text("".join(f"{at} {at * at % 7} 0\n" for at in range(8)))
+    file = write("base: {engine: virtual, shape: mine.xyz, duration_s: 0.5}")
+    in_process(file, Path("o"))
+    manifest = Path("o/seed-1/manifest.json")
+    data = json.loads(manifest.read_text())
+    data["settings"]["shape"] = str(tmp_path.resolve() / "mine.xyz") if whole else "mine.xyz"
+    manifest.write_text(json.dumps(data))
+    assert in_process(file, Path("o")).made == 0
+
+
 def test_the_experiment_that_is_written_down_is_the_same_experiment(write, tmp_path):
     file = write(
         TINY + "blocks:\n- {}\n- base: {extends: paper, points: 14}\n  grid: {thaw.policy: ['off', timer]}\n"
