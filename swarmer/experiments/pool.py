@@ -60,20 +60,25 @@ class Pool:
 
         started: told of a run that begins. tick: called several times a second.
         """
-        waiting = deque(runs)
-        free = deque(range(self._jobs))
+        waiting, free = deque(runs), deque(range(self._jobs))
         running: dict[Future[Outcome], tuple[int, Run]] = {}
+        ended: list[tuple[Run, Outcome]] = []
         while waiting or running:
-            while waiting and free:
+            begun = []
+            while waiting and free:  # before anybody looks at what has ended: no worker waits for that
                 slot, run = free.popleft(), waiting.popleft()
-                started(run)
                 running[self._begin(slot, run)] = (slot, run)
-            ended, _ = wait(running, timeout=LOOK_EVERY_S, return_when=FIRST_COMPLETED)
-            for future in ended:
-                slot, run = running.pop(future)
-                free.append(slot)
-                yield run, self._outcome(future, slot)
+                begun.append(run)
+            yield from ended
+            for run in begun:
+                started(run)
             tick()
+            ended = []
+            for future in wait(running, timeout=LOOK_EVERY_S, return_when=FIRST_COMPLETED).done:
+                slot, run = running.pop(future)
+                ended.append((run, self._outcome(future, slot)))
+                free.append(slot)
+        yield from ended
 
     def _begin(self, slot: int, run: Run) -> Future[Outcome]:
         worker = self._slots[slot]

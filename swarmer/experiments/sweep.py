@@ -75,8 +75,6 @@ def _make(
             for run, outcome in pool.outcomes(part, board.started, board.tick):
                 if outcome.disk_full:
                     raise RunFailed(outcome.message)
-                if outcome.status == "interrupted":
-                    raise KeyboardInterrupt  # the terminal told the worker, too, and it was first
                 board.ended(run, outcome)
                 results.add(run, outcome.summary, outcome.message)
                 if outcome.status != "done":
