@@ -81,12 +81,17 @@ class Pool:
         yield from ended
 
     def _begin(self, slot: int, run: Run) -> Future[Outcome]:
-        worker = self._slots[slot]
-        if worker is None:
-            worker = ProcessPoolExecutor(1, self._context, _listen, (self._ear,))
-            self._slots[slot] = worker
         with _deaf():
-            return worker.submit(perform, run.config, self._out / run.path)
+            try:
+                return self._worker(slot).submit(perform, run.config, self._out / run.path)
+            except BrokenProcessPool:  # it died between two runs
+                self._slots[slot] = None
+                return self._worker(slot).submit(perform, run.config, self._out / run.path)
+
+    def _worker(self, slot: int) -> ProcessPoolExecutor:
+        worker = self._slots[slot] or ProcessPoolExecutor(1, self._context, _listen, (self._ear,))
+        self._slots[slot] = worker
+        return worker
 
     def _outcome(self, future: Future[Outcome], slot: int) -> Outcome:
         try:

@@ -165,7 +165,7 @@ BAD = {
     "a bad seed": ("seeds: [1, -1]", "x.yaml: seeds: seed: -1 is out of range"),
     "a seed twice": ("seeds: [4, 4]", "x.yaml: seeds: 4 is given twice"),
     "blocks that are none": ("blocks: {grid: {}}", "x.yaml: blocks: {'grid': {}} is not a list of entries"),
-    "a part of a block": ("blocks: [{}, {gird: {}}]", "x.yaml: block 2: gird: no such part; did you mean 'grid'?"),
+    "a part of a block": ("blocks: [{}, {grdi: {}}]", "x.yaml: block 2: grdi: no such part; did you mean 'grid'?"),
     "a value in a block": ("blocks: [{grid: {eta: [0]}}]", "x.yaml: block 1: grid: eta: 0 is out of range"),
     "a block against the grid": ("grid: {eta: [2]}\nblocks: [{base: {eta: 3}}]", "block 1: base: eta: stands in grid"),
     "extends nothing": ("base: {extends: papr}", "x.yaml: config: no file"),

@@ -277,6 +277,18 @@ def test_a_worker_that_is_killed_takes_one_run_with_it(write, tmp_path):
     assert [message for _, status, message in outcomes if status == "failed"] == [DIED]
 
 
+def test_a_worker_that_dies_between_two_runs_is_replaced(write, tmp_path):
+    runs = expand(read_experiment(str(write(TINY))))
+    with Pool(1, tmp_path) as pool:
+        first = list(pool.outcomes(runs[:1], lambda run: None, lambda: None))
+        (worker,) = pool._slots[0]._processes
+        os.kill(worker, signal.SIGKILL)
+        wait_for(lambda: gone([worker]))
+        wait_for(lambda: pool._slots[0]._broken)
+        second = list(pool.outcomes(runs[1:2], lambda run: None, lambda: None))
+    assert [outcome.status for _, outcome in first + second] == ["done", "done"]
+
+
 @pytest.fixture
 def full_disk(monkeypatch):
     def refuse(fd, data):
