@@ -32,7 +32,11 @@ COUNTERS = (
 
 
 def make_summary(progress: Progress, result: RunResult, shape: str, points: int, seed: int) -> dict[str, Any]:
-    """Everything of CONTRACT's summary.json; no value is NaN or infinite."""
+    """Every name of summary.json; no value is NaN or infinite.
+
+    `hd_cells` and `hd_absolute_cells` are of the last sample, null where fewer than two FLSs were lit in it; which HDs
+    count for `hd_min_cells` and `time_to_hd_s` says `progress`.
+    """
     counters = result.counters
     distance = counters.get("distance_cells")
     summary: dict[str, Any] = {
