@@ -61,11 +61,11 @@ def _table(summary: dict[str, Any], width: int) -> list[str]:
     reached = summary.get("time_to_hd_s") or {}
     if not reached:
         return []
-    above = [f"{'< ' + name:>{COLUMN}}" for name in reached]
-    below = [f"{seconds(value):>{COLUMN}}" for value in reached.values()]
     if COLUMN * len(reached) + 5 > width:
-        return [f"  HD {name} at{at}" for name, at in zip(above, below, strict=True)]
-    return [f"  HD {''.join(above)}", f"  at {''.join(below)}"]
+        return [f"  HD {'< ' + name:{COLUMN}}{seconds(value):>8}" for name, value in reached.items()]
+    above = "".join(f"{'< ' + name:>{COLUMN}}" for name in reached)
+    below = "".join(f"{seconds(value):>{COLUMN}}" for value in reached.values())
+    return [f"  HD {above}", f"  at {below}"]
 
 
 def _trust(summary: dict[str, Any]) -> list[str]:

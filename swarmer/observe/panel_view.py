@@ -119,7 +119,7 @@ def _narrow_lines(view: View, width: int) -> list[Text]:
         _text(),
         _text(f"sent {_rate(view.sent_per_s)}, handled {_rate(view.handled_per_s)}"),
         _text(
-            f"p99 {_p99(live.timer_late_ms)}, {_p99(live.handled_late_ms)}  ", *_faithful(view, short=True)
+            f"p99 {_p99(live.timer_late_ms)}, {_p99(live.handled_late_ms)}  ", *_faithful(view)
         ),
         _text(f"scale {_scale(view)}{thaws}"),
         _text(f"{_processes(view)} processes, {memory(live.memory_mb)}"),
@@ -232,12 +232,10 @@ def _p99(late: Lateness | None) -> str:
     return "–" if late is None else f"{late.p99:.0f} ms"
 
 
-def _faithful(view: View, short: bool = False) -> list[tuple[str, str]]:
+def _faithful(view: View) -> list[tuple[str, str]]:
     if view.live.faithful is None:
         return []
-    if view.live.faithful:
-        return [("faithful", GOOD)]
-    return [("not faithful" if short else "not faithful: too fast", BAD)]
+    return [("faithful", GOOD) if view.live.faithful else ("not faithful", BAD)]
 
 
 def _processes(view: View) -> str:

@@ -193,7 +193,8 @@ def _blueprint(truth: NDArray[np.float64], live: bool) -> Any:
 
     low, high = truth.min(axis=0), truth.max(axis=0)
     centre, size = (low + high) / 2, float(np.linalg.norm(high - low)) or 1.0
-    eye = centre + size * np.array([0.32, 0.22, 0.80])
+    flat = low[2] == high[2]  # seen from the front, or what is nearer to the eye is drawn larger
+    eye = centre + size * np.array([0.0, 0.0, 1.0] if flat else [0.32, 0.22, 0.80])
     legend = rrb.PlotLegend(rrb.Corner2D.RightTop)
     return rrb.Blueprint(
         rrb.Horizontal(
