@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from typing import NoReturn
-
 from swarmer.interrupts import at_once
 
 at_once()  # until `cli.leave` takes over
 
 
-def main() -> NoReturn:
+def main() -> None:
     """The command `swarmer`, and `python -m swarmer`."""
     from swarmer import cli
 
     cli.main()
 
 
-def main_run() -> NoReturn:
+def main_run() -> None:
     """The command `swarmer-run`."""
     from swarmer import cli
 

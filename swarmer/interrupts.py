@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
+
+# Nothing else: until `at_once` is called a Ctrl-C is a traceback.
 
 INTERRUPTED = 130  # exit status
 
@@ -26,13 +26,13 @@ def in_order() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-@contextmanager
-def ends_at_once() -> Iterator[None]:
+class ends_at_once:
     """Ctrl-C ends the process at once within the block, which must leave nothing half-done. In the main thread."""
-    at_once()
-    try:
-        yield
-    finally:
+
+    def __enter__(self) -> None:
+        at_once()
+
+    def __exit__(self, *_: object) -> None:
         in_order()
 
 

@@ -118,9 +118,7 @@ def _narrow_lines(view: View, width: int) -> list[Text]:
         *_middle(view, width),
         _text(),
         _text(f"sent {_rate(view.sent_per_s)}, handled {_rate(view.handled_per_s)}"),
-        _text(
-            f"p99 {_p99(live.timer_late_ms)}, {_p99(live.handled_late_ms)}  ", *_faithful(view)
-        ),
+        _text(f"p99 {_p99(live.timer_late_ms)}, {_p99(live.handled_late_ms)}  ", *_faithful(view)),
         _text(f"scale {_scale(view)}{thaws}"),
         _text(f"{_processes(view)} processes, {memory(live.memory_mb)}"),
     ]

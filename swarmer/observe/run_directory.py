@@ -175,6 +175,9 @@ def check_out(out: Path) -> list[Path]:
                 "out", text, "it is a link to nothing; the path of a directory that is new or empty"
             )
         if not out.exists():
+            above = next((path for path in out.parents if path.exists()), None)
+            if above is not None and not above.is_dir():
+                raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
             return []
     except (ValueError, OSError) as error:
         raise _no_directory(out, error) from None
