@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from swarmer.engines.result import RunResult
     from swarmer.observe.collector import Collector
     from swarmer.plan import Plan
+
 ANY_WIDTH = 1000  # where there is no terminal, a line stays one
 
 
@@ -104,7 +105,9 @@ def run(config: RunConfig, out: Path | None, live: bool, as_json: bool, source: 
         plan = make_plan(config)
         ready = make_engine(plan)
         if config.recording.enabled or live:
-            import swarmer.observe.recording  # noqa: F401 -- what takes its time to import has been
+            from swarmer.observe.recording import import_rerun
+
+            import_rerun()
     with ready as engine:
         directory = RunDirectory.create(out, config.shape, config.seed, sys.argv)
         tell_plan(plan)
@@ -176,7 +179,7 @@ def tell_changed_shape(plan: Plan, source: str | None) -> None:
     """A note on stderr if the settings are those of a run, and the points of its shape are not what they were."""
     from swarmer.observe.same_shape import shape_changed
 
-    if source is not None and shape_changed(Path(source).parent, plan):
+    if source is not None and Path(source).is_file() and shape_changed(Path(source).parent, plan):
         click.echo(
             f"note: not the shape of the run in {Path(source).parent}: {plan.config.shape} has other points by now",
             err=True,

@@ -41,7 +41,7 @@ def _head(summary: dict[str, Any]) -> str:
 def _swarms(summary: dict[str, Any]) -> str:
     first = summary.get("first_single_swarm_s")
     if first is None:
-        return f"never one swarm ({count(summary.get('swarms_last'))} at the end)"
+        return f"never all one swarm ({count(summary.get('swarms_last'))} at the end)"
     number = summary.get("single_swarm_count") or 1
     return f"one swarm at {seconds(first)}" + (f", {number} ×" if number > 1 else "")
 

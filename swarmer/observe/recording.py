@@ -32,6 +32,12 @@ CLOSE_S = 20.0  # how long closing may take
 EVENT_LEVELS = {"failure": "WARN", "error": "ERROR", "unfaithful": "WARN"}
 
 
+def import_rerun() -> None:
+    """Import what takes half a second, so that a Recording is made at once."""
+    import rerun
+    import rerun.blueprint  # noqa: F401
+
+
 class Recording:
     """recording.rrd while it is written: the cloud, the swarm, HD, swarms, states and events over emulated time."""
 
