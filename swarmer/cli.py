@@ -19,8 +19,8 @@ import click
 
 from swarmer import __version__
 from swarmer.errors import SwarmerError
+from swarmer.interrupts import INTERRUPTED, in_order
 
-INTERRUPTED = 130
 DISK_FULL = {errno.ENOSPC, errno.EDQUOT}
 MACHINE_ERRORS = DISK_FULL | {errno.EROFS, errno.EACCES, errno.EMFILE, errno.ENFILE, errno.ENOMEM}
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
@@ -167,6 +167,7 @@ def leave(action: Callable[[], object]) -> NoReturn:
     """Do it, and end the process with the exit status and the one line that belong to how it went."""
     status: object = 0
     try:
+        in_order()
         stand_firm()
         status = action()
         sys.stdout.flush()

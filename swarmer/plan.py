@@ -96,12 +96,16 @@ class Plan:
 
 
 def make_plan(config: RunConfig) -> Plan:
-    """Plan a run. Raises BadInput for a shape, a technique or an η that cannot be."""
-    from swarmer.shapes.catalogue import load_shape
+    """Plan a run. Raises BadInput for a shape, a technique or an η that cannot be.
+
+    In the plan's settings a file's path is absolute: they name the same file from every directory.
+    """
+    from swarmer.shapes.catalogue import load_shape, place_of
     from swarmer.shapes.neighbours import neighbour_plan
 
     technique = find_technique(config.technique)
     cloud = load_shape(config.shape, config.points, config.duplicates, config.seed)
+    config = config.model_copy(update={"shape": place_of(config.shape)})
     neighbours = neighbour_plan(cloud.points, config.eta, config.neighbours)
     diagonal = math.dist((0.0, 0.0, 0.0), cloud.box_cells)
     return Plan(

@@ -1,6 +1,7 @@
 """`swarmer replay --again`: a run in virtual time is the same once more, or one line says why not."""
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -10,8 +11,18 @@ import yaml
 from click.testing import CliRunner
 
 from swarmer.cli import load
+from swarmer.commands import run as run_command
 from swarmer.commands.again import run_again
+from swarmer.config import load_config
 from swarmer.errors import BadInput, RunFailed
+
+
+@pytest.fixture(scope="module", autouse=True)
+def ctrl_c_as_before():
+    """A run in this process ignores Ctrl-C in the end, since a command is over then; pytest is not."""
+    before = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="module")
@@ -94,3 +105,59 @@ def test_another_version_is_said(run, capsys):
     spoil(run / "manifest.json", swarmer="0.0.9")
     run_again(run)
     assert "0.0.9" in capsys.readouterr().err
+
+
+@pytest.fixture
+def helix_run(tmp_path, monkeypatch):
+    """A run of a file that was named from where it lies, and that file."""
+    place = tmp_path / "clouds"
+    place.mkdir()
+    monkeypatch.chdir(place)
+    file = place / "helix.xyz"
+    file.write_text("".join(f"{i % 5 * 2} {i // 5 * 2} {i % 3}\n" for i in range(20)))
+    settings = load_config(
+        None, ["engine=virtual", "duration_s=1", "recording.enabled=false"], shape="helix.xyz"
+    )
+    assert run_command.run(settings, tmp_path / "run", live=False, as_json=False) == 0
+    monkeypatch.chdir("/")
+    return tmp_path / "run", file
+
+
+def test_a_file_is_found_again_from_every_directory(helix_run, capsys):
+    run, file = helix_run
+    run_again(run)
+    assert "the same run" in capsys.readouterr().out
+    settings = load_config(str(run / "config.yaml"))
+    assert settings.shape == str(file)
+    assert run_command.run(settings, run.parent / "anew", False, False, str(run / "config.yaml")) == 0
+    assert "note" not in capsys.readouterr().err
+
+
+def test_a_file_with_other_points_is_told(helix_run, capsys):
+    run, file = helix_run
+    file.write_text(file.read_text().replace("8 6 1", "8 6 1.5"))
+    with pytest.raises(BadInput, match=r"its shape as it was: .*helix.xyz has other points by now"):
+        run_again(run)
+    source = str(run / "config.yaml")
+    assert run_command.run(load_config(source), run.parent / "anew", False, False, source) == 0
+    told = capsys.readouterr().err
+    assert f"note: not the shape of the run in {run}: {file} has other points by now" in told
+    assert run_command.run(load_config(source, ["seed=7"]), run.parent / "other", False, False, source) == 0
+    assert "note" not in capsys.readouterr().err  # other settings may have other points
+
+
+def test_a_file_that_is_gone_is_told(helix_run):
+    run, file = helix_run
+    file.unlink()
+    with pytest.raises(BadInput, match=r"helix.xyz.*: no such file"):
+        run_again(run)
+
+
+def test_an_older_manifest_proves_nothing(helix_run, capsys):
+    run, file = helix_run
+    manifest = json.loads((run / "manifest.json").read_text())
+    del manifest["points_sha256"]
+    (run / "manifest.json").write_text(json.dumps(manifest))
+    file.write_text(file.read_text().replace("8 6 1", "8 6 1.5"))
+    with pytest.raises(RunFailed, match="not the same run"):
+        run_again(run)

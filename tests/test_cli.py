@@ -150,6 +150,15 @@ def test_a_wrong_setting_ends_with_one_line_and_2(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_directory_that_is_taken_is_refused_before_anything_is_planned(tmp_path):
+    (tmp_path / "summary.json").write_text("{}")
+    taken = ["--out", str(tmp_path)]
+    for more in ([], ["--shape", str(tmp_path / "no such file.xyz")]):
+        done = swarmer("--engine", "virtual", *taken, *more, program="main_run", cwd=tmp_path)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert re.fullmatch(r"error: out: .*a finished run is there; .*\n", done.stderr)
+
+
 def raising(error):
     def action():
         raise error

@@ -137,6 +137,11 @@ def test_a_trial_measures_and_leaves_no_process():
 def test_the_whole_doctor_gives_an_estimate(monkeypatch):
     monkeypatch.setattr("swarmer.engines.trial.run_trial", lambda: TRIAL)
     done = run()
+    lines = done.output.splitlines()
+    assert (
+        len(lines) - done.output.count("-> ") <= 24
+    )  # besides what there is to raise it fits a small terminal
+    assert "kernel.pid_max" in done.output
     assert "at time scale 1  up to some 620 FLSs" in done.output
     assert "1727 FLSs" in done.output
     assert json.loads(run("--json").stdout)["estimate"]["largest_at_time_scale_1"] == 625

@@ -30,7 +30,7 @@ def run_again(path: Path) -> None:
     _refuse_what_cannot_repeat(saved)
     config = _its_settings(saved)
     _tell_of_another_version(saved)
-    summary = _run(config)
+    summary = _run(saved.path, config)
     then, now = saved.summary["trace_sha256"], summary["trace_sha256"]
     if then != now:
         raise RunFailed(
@@ -82,14 +82,20 @@ def _tell_of_another_version(saved: SavedRun) -> None:
         click.echo(f"note: the run was made by swarmer {version}, this is {__version__}", err=True)
 
 
-def _run(config: RunConfig) -> dict[str, Any]:
-    """The summary of the run made once more, in a directory that is gone afterwards."""
+def _run(path: Path, config: RunConfig) -> dict[str, Any]:
+    """The summary of the run made once more, in a directory that is gone afterwards.
+
+    Raises BadInput where the points of its shape are not those of the run in `path` any more.
+    """
     from swarmer.engines.virtual import VirtualEngine
     from swarmer.observe.collector import Collector
     from swarmer.observe.run_directory import RunDirectory
+    from swarmer.observe.same_shape import shape_changed
     from swarmer.plan import make_plan
 
     plan = make_plan(config.changed(**{"recording.enabled": False}))
+    if shape_changed(path, plan):
+        raise BadInput("run", str(path), f"its shape as it was: {config.shape} has other points by now")
     with tempfile.TemporaryDirectory(prefix="swarmer-again-") as room, VirtualEngine(plan) as engine:
         collector = Collector(RunDirectory.create(Path(room) / "run", config.shape, config.seed, sys.argv))
         summary = collector.finish(engine.run(collector))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from swarmer.engines.doctor import Check
     from swarmer.engines.trial import Trial
 
+OWN_LINE = {"free memory"}  # told in any case: it changes from hour to hour
 COLOURS = {"ok": "green", "warn": "yellow", "fail": "red"}
 
 
@@ -23,7 +25,7 @@ def command(quick: bool, as_json: bool) -> None:
     """Tell what this machine can carry: limits, kernel, a trial run of some seconds, the largest shape at time scale 1.
 
     A warning marks what is too little for 2000 FLSs, and says what to raise. The exit status is 0 if a run of the
-    dragon (760 FLSs) is possible, else 1.
+    dragon (760 FLSs) is possible, else 1. With --quick everything that was looked at has a line.
     """
     from swarmer.engines import doctor
 
@@ -31,7 +33,7 @@ def command(quick: bool, as_json: bool) -> None:
         elsewhere(doctor.possible_engines(), as_json)
     checks = doctor.all_checks()
     if not as_json:
-        show_checks(checks)
+        show_checks(checks, every=quick)
     trial, trouble = (None, "") if quick else try_trial(as_json)
     failed = next((check for check in checks if check.mark == "fail"), None)
     possible = failed is None and not trouble
@@ -47,7 +49,7 @@ def command(quick: bool, as_json: bool) -> None:
         raise RunFailed(trouble)
     if not as_json:
         warned = sum(check.mark == "warn" for check in checks)
-        click.echo("\nA run of the dragon is possible" + (f"; {warned} warnings above." if warned else "."))
+        click.echo("A run of the dragon is possible" + (f"; {warned} warnings above." if warned else "."))
 
 
 def elsewhere(engines: list[str], as_json: bool) -> None:
@@ -69,7 +71,7 @@ def try_trial(as_json: bool) -> tuple[Trial | None, str]:
     from swarmer.engines.trial import POINTS, RUN_S, run_trial
 
     if not as_json:
-        click.echo(f"\nstarting {POINTS} FLSs for {RUN_S:g} s ...", err=True)
+        click.echo(f"starting {POINTS} FLSs for {RUN_S:g} s ...", err=True)
     try:
         return run_trial(), ""
     except SwarmerError as error:
@@ -100,14 +102,20 @@ def as_data(checks: list[Check], trial: Trial | None, possible: bool, trouble: s
     return data
 
 
-def show_checks(checks: list[Check]) -> None:
-    """The table of what was looked at, and below each warning what to do."""
-    wide = max(len(check.name) for check in checks)
-    for check in checks:
+def show_checks(checks: list[Check], every: bool) -> None:
+    """The table of what was looked at, and below each warning what to do. every: a line also for each that is fine."""
+    fine = [] if every else [check for check in checks if check.mark == "ok" and check.name not in OWN_LINE]
+    lines = [check for check in checks if check not in fine]
+    wide = max(len(check.name) for check in lines)
+    for check in lines:
         mark = click.style(f"{check.mark:4}", fg=COLOURS.get(check.mark))
         click.echo(f"{mark}  {check.name:{wide}}  {check.found}")
         if check.advice:
             click.echo(f"{'':4}  {'':{wide}}  -> {check.advice}")
+    if fine:
+        names = textwrap.wrap(", ".join(check.name for check in fine), 74)
+        mark = click.style("ok  ", fg=COLOURS["ok"])
+        click.echo(f"{mark}  " + "\n      ".join(names))
 
 
 def show_trial(trial: Trial, free_mb: float | None) -> None:
@@ -126,9 +134,9 @@ def show_trial(trial: Trial, free_mb: float | None) -> None:
     rows += [(f"{points} FLSs", f"time scale {trial.scale_for(points):.2f}") for points in SHAPES]
     show_rows("estimate of what runs faithfully here", rows)
     click.echo(
-        f"      lateness grows with the number of FLSs: {BURST:g} times the wake-up, or the trial's own if that is\n"
-        f"      more, must stay within half a lease ({trial.lease_ms / 2:g} ms); they get {BUSY_MAX:.0%} of the cores\n"
-        "      An estimate: what else runs now counts against it. `--time-scale auto` finds the truth by itself."
+        f"      faithful: {BURST:g} wake-ups, or the trial's lateness, within {trial.lease_ms / 2:g} ms, on "
+        f"{BUSY_MAX:.0%} of the cores;\n"
+        "      what else runs counts against it; `--time-scale auto` finds out by itself"
     )
 
 

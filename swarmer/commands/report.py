@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from swarmer.interrupts import ends_at_once
+
 
 @click.command("report")
 @click.argument("runs", metavar="RUN...", nargs=-1, required=True, type=click.Path(path_type=Path))
@@ -20,6 +22,7 @@ def command(runs: tuple[Path, ...], out: Path | None) -> None:
     Several runs are compared side by side. Works on a run that was killed, too: it shows what is whole and names the
     rest. The last line of stdout is the file's path.
     """
-    from swarmer.observe.report import write_report
+    with ends_at_once():
+        from swarmer.observe.report import write_report
 
     click.echo(str(write_report(list(runs), out)))

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from swarmer.errors import BadInput, RunFailed
+from swarmer.interrupts import INTERRUPTED, ends_at_once
 
 if TYPE_CHECKING:
     from swarmer.config import RunConfig
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from swarmer.observe.collector import Collector
     from swarmer.plan import Plan
 
-INTERRUPTED = 130
+ANY_WIDTH = 1000  # where there is no terminal, a line stays one
 
 
 @click.command("run")
@@ -61,8 +62,6 @@ def command(
     Settings are read from --config, then --set, then the other options. Progress goes to stderr; the last line of stdout
     is the run directory.
     """
-    from swarmer.config import load_config
-
     # As texts the other options are read like `--set`, which knows what each must be.
     given = [f"{name}={text}" for name, text in texts.items() if text is not None]
     flags: dict[str, Any] = {"shape": shape}
@@ -70,8 +69,11 @@ def command(
         flags["duplicates"] = "drop"
     if no_recording:
         flags["recording.enabled"] = False
-    settings = load_config(config, [*overrides, *given], **flags)
-    return run(settings, directory_named(out), live, as_json)
+    with ends_at_once():
+        from swarmer.config import load_config
+
+        settings = load_config(config, [*overrides, *given], **flags)
+    return run(settings, directory_named(out), live, as_json, config)
 
 
 def directory_named(out: str | None) -> Path | None:
@@ -87,17 +89,29 @@ def directory_named(out: str | None) -> Path | None:
     return Path(out)
 
 
-def run(config: RunConfig, out: Path | None, live: bool, as_json: bool) -> int:
-    """Plan, check, run, sum up; the exit status. Raises BadInput before anything is written, RunFailed after."""
-    from swarmer.observe.collector import Collector
-    from swarmer.observe.panel import Panel
-    from swarmer.observe.run_directory import RunDirectory
-    from swarmer.plan import make_plan
+def run(config: RunConfig, out: Path | None, live: bool, as_json: bool, source: str | None = None) -> int:
+    """Check, plan, run, sum up; the exit status. Raises BadInput before anything is written, RunFailed after.
 
-    plan = make_plan(config)
-    with make_engine(plan) as engine:
-        tell_plan(plan)
+    source: the file that the settings were read from; with a run beside it, the shape is compared with that run's.
+    """
+    with ends_at_once():
+        from swarmer.observe.collector import Collector
+        from swarmer.observe.panel import Panel
+        from swarmer.observe.run_directory import RunDirectory, check_out
+        from swarmer.plan import make_plan
+
+        if out is not None:
+            check_out(out)
+        plan = make_plan(config)
+        ready = make_engine(plan)
+        if config.recording.enabled or live:
+            from swarmer.observe.recording import import_rerun
+
+            import_rerun()
+    with ready as engine:
         directory = RunDirectory.create(out, config.shape, config.seed, sys.argv)
+        tell_plan(plan)
+        tell_changed_shape(plan, source)
         collector = Collector(directory, Panel(), live)
         result = play(engine, collector)
     # From here on all that is left is writing down what there is; another Ctrl-C must not cut it off.
@@ -133,8 +147,9 @@ def play(engine: Any, collector: Collector) -> RunResult:
 def close(summary: dict[str, Any], path: Path, as_json: bool, collector: Collector) -> int:
     """The last words, and the exit status."""
     from swarmer.observe.closing import closing_lines
+    from swarmer.observe.words import columns_of
 
-    for line in closing_lines(summary, path, program_beside_python()):
+    for line in closing_lines(summary, path, program_beside_python(), columns_of(sys.stderr)):
         click.echo(line, err=True)
     if as_json:
         click.echo(json.dumps(summary, allow_nan=False))
@@ -146,15 +161,29 @@ def close(summary: dict[str, Any], path: Path, as_json: bool, collector: Collect
 
 
 def tell_plan(plan: Plan) -> None:
-    """The facts of the plan, on one line of stderr."""
+    """The facts of the plan, on one line of stderr, or as many as the terminal needs."""
+    from swarmer.observe.words import columns_of, wrapped
+
     n = plan.neighbours
     joined = f", joined by {n.added_links} links" if n.added_links else ""
     parts = "1 component" if n.components == 1 else f"{n.components} components"
-    click.echo(
+    line = (
         f"{plan.cloud.name}: {plan.size} points in {plan.cloud.dim}D, neighbours {n.mode} (η {n.eta}): "
-        f"{parts}{joined}, longest link {n.longest_link_cells:.1f} cells, mean degree {n.mean_degree:.1f}",
-        err=True,
+        f"{parts}{joined}, longest link {n.longest_link_cells:.1f} cells, mean degree {n.mean_degree:.1f}"
     )
+    for part in wrapped(line, columns_of(sys.stderr, ANY_WIDTH)):
+        click.echo(part, err=True)
+
+
+def tell_changed_shape(plan: Plan, source: str | None) -> None:
+    """A note on stderr if the settings are those of a run, and the points of its shape are not what they were."""
+    from swarmer.observe.same_shape import shape_changed
+
+    if source is not None and Path(source).is_file() and shape_changed(Path(source).parent, plan):
+        click.echo(
+            f"note: not the shape of the run in {Path(source).parent}: {plan.config.shape} has other points by now",
+            err=True,
+        )
 
 
 def program_beside_python() -> str:

@@ -13,6 +13,7 @@ import click
 from swarmer.commands.shapes_check import check
 from swarmer.commands.shapes_make import make
 from swarmer.commands.shapes_words import aligned, cloud_warnings, seed_option
+from swarmer.interrupts import ends_at_once
 
 if TYPE_CHECKING:
     from swarmer.shapes.cloud import PointCloud
@@ -31,7 +32,8 @@ def command(ctx: click.Context) -> None:
     neighbours.
     """
     if ctx.invoked_subcommand is None:
-        _list()
+        with ends_at_once():
+            _list()
 
 
 def _list() -> None:
@@ -77,15 +79,16 @@ command.add_command(check)
 )
 def show(shape: str, points: int | None, dedupe: bool, eta: int | None, seed: int, out: Path | None) -> None:
     """Draw a shape in the terminal, with its neighbour facts."""
-    from swarmer.shapes.braille import terminal_picture
-    from swarmer.shapes.catalogue import load_shape
-    from swarmer.shapes.neighbours import neighbour_plan
-    from swarmer.shapes.views import usual_view
+    with ends_at_once():
+        from swarmer.shapes.braille import terminal_picture
+        from swarmer.shapes.catalogue import load_shape
+        from swarmer.shapes.neighbours import neighbour_plan
+        from swarmer.shapes.views import usual_view
 
-    if out is not None:
-        _refuse_picture(out)
-    cloud = load_shape(shape, points, "drop" if dedupe else "refuse", seed)
-    plan = neighbour_plan(cloud.points, eta)
+        if out is not None:
+            _refuse_picture(out)
+        cloud = load_shape(shape, points, "drop" if dedupe else "refuse", seed)
+        plan = neighbour_plan(cloud.points, eta)
     size = shutil.get_terminal_size((80, 40))
     picture = terminal_picture(
         cloud.points,

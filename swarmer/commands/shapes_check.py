@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from swarmer.commands.shapes_words import aligned, cloud_warnings
+from swarmer.interrupts import ends_at_once
 
 if TYPE_CHECKING:
     from swarmer.errors import BadInput
@@ -33,11 +34,12 @@ def check(shape: str, points: int | None, eta: int | None, dedupe: bool) -> None
     Lengths in display cells (5 cm). The exit status is 0 if the shape can be run, and 2, with one line
     that says why, if it cannot. That this machine is too small for it is a warning: another one may not be.
     """
-    from swarmer.shapes.catalogue import load_shape
-    from swarmer.shapes.neighbours import neighbour_plan
+    with ends_at_once():
+        from swarmer.shapes.catalogue import load_shape
+        from swarmer.shapes.neighbours import neighbour_plan
 
-    cloud = load_shape(shape, points, "drop" if dedupe else "refuse")
-    plan = neighbour_plan(cloud.points, eta)
+        cloud = load_shape(shape, points, "drop" if dedupe else "refuse")
+        plan = neighbour_plan(cloud.points, eta)
     trouble = machine_trouble(len(cloud))
     for line in aligned([*cloud_rows(cloud), *graph_rows(cloud, plan), *machine_rows(len(cloud), trouble)]):
         click.echo(line)

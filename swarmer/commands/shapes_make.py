@@ -13,6 +13,7 @@ import click
 
 from swarmer.commands.shapes_words import seed_option
 from swarmer.errors import BadInput, RunFailed
+from swarmer.interrupts import ends_at_once
 
 if TYPE_CHECKING:
     from swarmer.shapes.making import Drawn
@@ -87,15 +88,16 @@ def make(
     .png, what is opaque, or dark. The points are turned upright, scaled into display cells (5 cm) by one of --box,
     --spacing and --scale/--unit, moved until their lower corner is at 3, rounded to 3 decimals and written.
     """
-    from swarmer.shapes.making import Wish, draw_file
-    from swarmer.shapes.placing import place
+    with ends_at_once():
+        from swarmer.shapes.making import Wish, draw_file
+        from swarmer.shapes.placing import place
 
-    refuse_name(file)
-    out = checked_out(out, file, force)
-    size = checked_size(box, spacing, scale, unit)
-    wish = Wish(checked_points(points), up, seed, "drop" if dedupe else "refuse", invert, flat)
-    drawn = draw_file(file, wish)
-    placed = place(drawn.points, size)
+        refuse_name(file)
+        out = checked_out(out, file, force)
+        size = checked_size(box, spacing, scale, unit)
+        wish = Wish(checked_points(points), up, seed, "drop" if dedupe else "refuse", invert, flat)
+        drawn = draw_file(file, wish)
+        placed = place(drawn.points, size)
     write(out, placed)
     tell(file, out, drawn, placed, size)
 

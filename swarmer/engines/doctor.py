@@ -159,11 +159,11 @@ def machine_files() -> Check:
     """fs.file-max: each FLS opens some eight files, its two sockets among them."""
     words = (read_text("/proc/sys/fs/file-nr") or "").split()
     if len(words) != 3:
-        return Check("open files, all", "the system does not tell", INFO)
+        return Check("open files of all", "the system does not tell", INFO)
     free = int(words[2]) - int(words[0])
     advice = f"sudo sysctl -w fs.file-max={int(words[0]) + 8 * (MANY + ALWAYS)}"
     text = f"{free} more" if free < 10**9 else "no limit"
-    return verdict(free, "open files, all", advice, (8 * MANY, 8 * DRAGON), text)
+    return verdict(free, "open files of all", advice, (8 * MANY, 8 * DRAGON), text)
 
 
 def kernel_number(name: str, many: int, few: int) -> Check:

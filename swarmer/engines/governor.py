@@ -45,6 +45,13 @@ class Governor:
     is seen at every look and changes a hundredfold within a run, and what this machine does in a wall second without
     being late (`capacity`), which the lateness teaches. Their quotient is the scale. A thaw sends all FLSs off at once,
     so for one it braces: the demand is taken to be the highest of the last formation before it is seen to be.
+
+    A look (`judge`) goes: how late everything was and what there was to do, in the window that lies behind; the lesson
+    of that for the capacity; the demand to reckon with; down at once if it takes a smaller scale, up only where that
+    pays. Lessons are of two kinds, and rare (SETTLE_S). Late: the capacity falls by as much as the lateness was too
+    large, at most to STEEPEST. Punctual, though nearly all of the capacity was used: it grows by GAIN, by less near a
+    capacity that was too much before. A machine that had little to do teaches nothing, nor does one that has just woken
+    all.
     """
 
     def __init__(self, wanted: float | str, lease_ms: float, count: int) -> None:
@@ -52,7 +59,7 @@ class Governor:
         self.scale = 1.0 if isinstance(wanted, str) else float(wanted)
         self.bound_ms = lease_ms / 2
         self.reason = ""
-        self._capacity = float("inf")
+        self._capacity = BUSIEST * count  # until a rehearsal or a lesson says otherwise: real time
         # The capacity that was believed in and proved too large last, and the demand that proved it.
         self._too_much = float("inf"), 0.0
         self.count = count
@@ -138,14 +145,17 @@ class Governor:
         return max(known, default=0.0)
 
     def _calm(self, timer: Histogram, handled: Histogram) -> float:
-        """How late the last moments may be: the bound is on the whole run, and one that was punctual has some left."""
+        """How late the last moments may be, a share of the bound: that is on the whole run; a punctual one has more.
+
+        CALM for a run that is CALM late as a whole; every percent more of the one is two percent less of the other.
+        """
         known = [late.p99 for counts in (timer, handled) if (late := lateness(counts))]
         share = max(known, default=0.0) / self.bound_ms
         return min(max(3 * CALM - 2 * share, LEAST), MOST)
 
     def _learn(self, late: float, calm: float, demand: float, wall: float) -> None:
         """What this machine does in a second without being late: less than was thought, or more?"""
-        if wall - self._taught < SETTLE_S:
+        if wall - self._taught < SETTLE_S or wall < self._awake:  # before all are awake nobody can be judged
             return
         if late > calm * self.bound_ms:
             self._too_much = self._capacity, demand

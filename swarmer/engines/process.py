@@ -300,8 +300,9 @@ class _Run:
             await asyncio.sleep(LOOK_S)
             now = self.clock.now()
             load = self.reader.load()
+            thaws = max(load.epoch, self.thaws.seen)  # without epochs, or ordered by this engine: only seen
             scale = self.governor.judge(
-                load.timer_late, load.handled_late, load.delivered, load.epoch, now, time.monotonic()
+                load.timer_late, load.handled_late, load.delivered, thaws, now, time.monotonic()
             )
             if scale != self.clock.scale and self.clock.phase == Phase.GO:
                 faster = scale > self.clock.scale

@@ -53,7 +53,8 @@ class HausdorffMeter:
     def hd(self, position: Points, lit: NDArray[np.bool_] | None = None) -> float:
         """HD in cells of the lit FLSs and their points, translated by the mean of g_i - x_i over them.
 
-        position: (F, 3), cells; lit: (F,), None for all. Raises EmptyCloud if nobody is lit.
+        position: (F, 3), cells; lit: (F,), None for all. Raises EmptyCloud if nobody is lit. Of a single lit FLS it
+        is 0, wherever that is: the move takes all of its error.
         """
         moved, fixed = self._lit(position, lit)
         return self._read(moved + (fixed - moved).mean(axis=0), fixed)

@@ -6,13 +6,19 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-from swarmer.observe.words import cells, count, seconds
+from swarmer.observe.run_directory import RECORDING, TIMELINE
+from swarmer.observe.saved_run import existing
+from swarmer.observe.viewer import display_available
+from swarmer.observe.words import cells, count, seconds, wrapped
 
 ENDED = {"done": "done", "interrupted": "interrupted", "failed": "failed"}
+COLUMN = 10  # characters of a threshold in the table
 
 
-def closing_lines(summary: dict[str, Any], run_dir: Path, program: str = "swarmer") -> list[str]:
-    """Lines of at most some 80 columns. summary: as written. program: how this machine's shell finds us."""
+def closing_lines(
+    summary: dict[str, Any], run_dir: Path, program: str = "swarmer", width: int = 80
+) -> list[str]:
+    """Lines of at most `width` columns, but for the commands. summary: as written; program: how the shell finds us."""
     lines = [_head(summary)]
     if summary.get("message"):
         lines.append(f"  {summary['message']}")
@@ -20,12 +26,10 @@ def closing_lines(summary: dict[str, Any], run_dir: Path, program: str = "swarme
         f"  HD {cells(summary.get('hd_cells'))} cells at the end, lowest {cells(summary.get('hd_min_cells'))}; "
         f"{_swarms(summary)}"
     )
-    lines += _table(summary)
+    lines += _lit(summary)
+    lines += _table(summary, width)
     lines += _trust(summary)
-    where = shlex.quote(str(run_dir))
-    lines.append(f"  watch  {program} replay {where}")
-    lines.append(f"  read   {program} report {where}")
-    return lines
+    return [part for line in lines for part in wrapped(line, width)] + _next(run_dir, program)
 
 
 def _head(summary: dict[str, Any]) -> str:
@@ -37,18 +41,30 @@ def _head(summary: dict[str, Any]) -> str:
 def _swarms(summary: dict[str, Any]) -> str:
     first = summary.get("first_single_swarm_s")
     if first is None:
-        return f"never one swarm ({count(summary.get('swarms_last'))} at the end)"
+        return f"never all one swarm ({count(summary.get('swarms_last'))} at the end)"
     number = summary.get("single_swarm_count") or 1
     return f"one swarm at {seconds(first)}" + (f", {number} ×" if number > 1 else "")
 
 
-def _table(summary: dict[str, Any]) -> list[str]:
-    """When HD fell below each threshold."""
+def _lit(summary: dict[str, Any]) -> list[str]:
+    """How many are lit, where that is not all."""
+    share, points = summary.get("lit_share"), summary.get("points")
+    if share is None or not points or share >= 1:
+        return []
+    lit = round(share * points)
+    of_them = "no HD of so few" if summary.get("hd_cells") is None else "HD is theirs alone"
+    return [f"  {count(lit)} of {count(points)} FLSs lit at the end: {of_them}"]
+
+
+def _table(summary: dict[str, Any], width: int) -> list[str]:
+    """When HD fell below each threshold: a column each, or a line where the columns are too many."""
     reached = summary.get("time_to_hd_s") or {}
     if not reached:
         return []
-    above = "".join(f"{'< ' + name:>10}" for name in reached)
-    below = "".join(f"{seconds(value):>10}" for value in reached.values())
+    if COLUMN * len(reached) + 5 > width:
+        return [f"  HD {'< ' + name:{COLUMN}}{seconds(value):>8}" for name, value in reached.items()]
+    above = "".join(f"{'< ' + name:>{COLUMN}}" for name in reached)
+    below = "".join(f"{seconds(value):>{COLUMN}}" for value in reached.values())
     return [f"  HD {above}", f"  at {below}"]
 
 
@@ -69,3 +85,15 @@ def _trust(summary: dict[str, Any]) -> list[str]:
 def _ms(late: dict[str, float]) -> str:
     value = late.get("p99")
     return "–" if value is None else f"{value:.0f} ms"
+
+
+def _next(run_dir: Path, program: str) -> list[str]:
+    """The commands that work for what the run left on this machine; never broken, so that they can be copied."""
+    where = shlex.quote(str(run_dir))
+    lines = [f"  read   {program} report {where}"]
+    if existing(run_dir, RECORDING) is not None:
+        way = "" if display_available() else "--web "
+        lines.insert(0, f"  watch  {program} replay {way}{where}")
+    elif existing(run_dir, TIMELINE) is not None:
+        lines.insert(0, f"  watch  {program} replay --terminal {where}")
+    return lines

@@ -42,7 +42,7 @@ class Collector:
         self._plan = plan
         truth = plan.cloud.points
         self._progress = Progress.of(truth)
-        self.directory.write_config(plan.config)
+        self.directory.write_config(plan.config, plan.cloud.sha256)
         self._timeline = TimelineWriter(self.directory.path, truth)
         if plan.config.recording.enabled or self._live:
             from swarmer.observe.recording import Recording

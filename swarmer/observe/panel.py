@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from swarmer.engines.result import Snapshot
 from swarmer.observe.panel_view import View, panel_lines, plain_line
+from swarmer.observe.words import columns_of
 
 if TYPE_CHECKING:
     from swarmer.observe.progress import Progress
@@ -55,10 +56,11 @@ class Panel:
         if not self._terminal:
             self.say(f"launching: {ready} of {total} FLSs ready")
             return
-        room = 30
+        tail = f"  {ready} of {total} FLSs ready"
+        room = max(0, min(30, columns_of(self._stream) - len("launching  ") - len(tail) - 1))
         done = round(room * ready / max(total, 1))
         bar = "━" * done + "─" * (room - done)
-        self._stream.write(f"\r\x1b[2Klaunching  {bar}  {ready} of {total} FLSs ready")
+        self._stream.write(f"\r\x1b[2Klaunching  {bar}{tail}")
         self._stream.flush()
 
     def go(self, launch_s: float) -> None:
@@ -116,7 +118,7 @@ class Panel:
         view.single_swarms = progress.single_swarm_count
         view.thaws = snapshot.counters.get("thaws")
         view.hd, view.hd_min, view.live = progress.hd, progress.hd_min, snapshot.live
-        if progress.all_lit_s is not None:
+        if progress.hd_counts:
             view.curve.append((snapshot.t_s, progress.hd))
         if len(view.curve) >= 2 * CURVE_POINTS:
             del view.curve[1::2]

@@ -1,4 +1,7 @@
-"""What the terminal panel shows, as lines of rich text: always the same number of lines, at most `width` wide."""
+"""What the terminal panel shows, as lines of rich text: for one `width` always the same number, none of them wider.
+
+Where the lines of a wide terminal do not fit, each says less or becomes two, and the curve of HD goes.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from swarmer.engines.result import Live
+from swarmer.engines.result import Lateness, Live
 from swarmer.observe.palette import STATE_COLOURS, STATES
 from swarmer.observe.words import braille_curve, cells, clock, count, memory, swarms
 
@@ -14,6 +17,10 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 BAR = 16  # characters of the longest bar of states
+WIDE = 74  # columns that the long lines take
+COUNT = 23  # columns of a state's name and its count
+LABELS = 6  # columns of the curve's scale
+CURVE_MIN = 8
 LABEL = "bold"
 DIM = "bright_black"
 GOOD, BAD, HD_COLOUR = "green", "bold red", "#4c9be8"
@@ -74,6 +81,8 @@ def plain_line(view: View) -> str:
 
 def panel_lines(view: View, width: int) -> list[Text]:
     """The panel's inside."""
+    if width < WIDE:
+        return _narrow_lines(view, width)
     return [
         _time_line(view, width),
         _text(),
@@ -87,6 +96,34 @@ def panel_lines(view: View, width: int) -> list[Text]:
     ]
 
 
+def _narrow_lines(view: View, width: int) -> list[Text]:
+    """The same for a narrow terminal."""
+    share, eta = _share(view), "–" if view.eta_s is None else clock(view.eta_s)
+    head = f"{view.t_s:.1f} of {view.duration_s:g} s "
+    tail = f" {100 * share:.0f} %"
+    single = f", one {view.single_swarms} ×" if view.single_swarms else ""
+    live = view.live
+    thaws = "" if view.thaws is None else f", thaws {view.thaws:.0f}"
+    return [
+        _text((head, LABEL), *_progress_bar(share, width - len(head) - len(tail)), tail),
+        _text(f"wall {clock(view.wall_s)}, ETA {eta}"),
+        _text(),
+        _text(
+            ("HD ", LABEL),
+            (cells(view.hd), f"bold {HD_COLOUR}"),
+            (f" cells, lowest {cells(view.hd_min)}", DIM),
+        ),
+        _text(("swarms ", LABEL), f"{view.swarms}", (f", largest {view.largest_swarm}{single}", DIM)),
+        _text(),
+        *_middle(view, width),
+        _text(),
+        _text(f"sent {_rate(view.sent_per_s)}, handled {_rate(view.handled_per_s)}"),
+        _text(f"p99 {_p99(live.timer_late_ms)}, {_p99(live.handled_late_ms)}  ", *_faithful(view)),
+        _text(f"scale {_scale(view)}{thaws}"),
+        _text(f"{_processes(view)} processes, {memory(live.memory_mb)}"),
+    ]
+
+
 def _text(*parts: tuple[str, str] | str) -> Text:
     from rich.text import Text
 
@@ -97,47 +134,55 @@ def _text(*parts: tuple[str, str] | str) -> Text:
 
 
 def _time_line(view: View, width: int) -> Text:
-    share = min(1.0, view.t_s / view.duration_s) if view.duration_s else 0.0
+    share = _share(view)
     head = f"{view.t_s:7.1f} s of {view.duration_s:g}  "
     eta = "–" if view.eta_s is None else clock(view.eta_s)
     tail = f"  {100 * share:3.0f} %   wall {clock(view.wall_s)}   ETA {eta:<7}"
-    room = max(4, width - len(head) - len(tail))
+    return _text((head, LABEL), *_progress_bar(share, width - len(head) - len(tail)), tail)
+
+
+def _share(view: View) -> float:
+    return min(1.0, view.t_s / view.duration_s) if view.duration_s else 0.0
+
+
+def _progress_bar(share: float, room: int) -> list[tuple[str, str]]:
+    room = max(4, room)
     done = round(share * room)
-    return _text((head, LABEL), ("━" * done, HD_COLOUR), ("─" * (room - done), DIM), tail)
+    return [("━" * done, HD_COLOUR), ("─" * (room - done), DIM)]
 
 
 def _swarm_line(view: View) -> Text:
     lowest = "" if view.hd_min is None else f"lowest {cells(view.hd_min)}"
     single = f"one swarm {view.single_swarms} ×" if view.single_swarms else ""
     return _text(
-        ("HD ", LABEL), (f"{cells(view.hd):>7}", f"bold {HD_COLOUR}"), (f" cells  {lowest:<15}", DIM),
-        ("  swarms ", LABEL), f"{view.swarms:<6}", (f"largest {view.largest_swarm:<7}{single}", DIM),
+        ("HD ", LABEL), (f"{cells(view.hd):>7}", f"bold {HD_COLOUR}"), (f" cells  {lowest:<14}", DIM),
+        ("  swarms ", LABEL), f"{view.swarms:<5}", (f"largest {view.largest_swarm:<5}{single}", DIM),
     )  # fmt: skip
 
 
 def _middle(view: View, width: int) -> list[Text]:
-    """Bars of the states on the left, the curve of HD on the right."""
-    curve = _curve(view, max(8, width - 46))
+    """Bars of the states on the left, the curve of HD on the right if there is room for it."""
+    beside = width - COUNT - BAR - LABELS
+    curve = _curve(view, beside) if beside >= CURVE_MIN else []
+    bar_width = BAR if curve else max(4, min(BAR, width - COUNT))
     lines = []
     for i, (state, colour) in enumerate(zip(STATES, STATE_COLOURS, strict=True)):
         share = view.states[i] / view.size if view.size else 0.0
-        bar = _bar(share)
-        label, curve_line = curve[i]
-        lines.append(
-            _text(
-                f"{state:<15}",
-                (f"{view.states[i]:>7} ", LABEL),
-                (f"{bar:<{BAR}}", colour),
-                (f"{label:>5}", DIM),
-                ("│", DIM),
-                (curve_line, HD_COLOUR),
-            )
-        )
+        bar = _bar(share, bar_width)
+        parts: list[tuple[str, str] | str] = [
+            f"{state:<15}",
+            (f"{view.states[i]:>7} ", LABEL),
+            (f"{bar:<{bar_width}}", colour),
+        ]
+        if curve:
+            label, curve_line = curve[i]
+            parts += [(f"{label:>5}", DIM), ("│", DIM), (curve_line, HD_COLOUR)]
+        lines.append(_text(*parts))
     return lines
 
 
-def _bar(share: float) -> str:
-    eighths = round(share * BAR * 8)
+def _bar(share: float, width: int) -> str:
+    eighths = round(share * width * 8)
     bar = "█" * (eighths // 8) + ("", "▏", "▎", "▍", "▌", "▋", "▊", "▉")[eighths % 8]
     return bar or ("▏" if share > 0 else "")
 
@@ -157,33 +202,43 @@ def _curve(view: View, width: int) -> list[tuple[str, str]]:
 
 
 def _traffic_line(view: View) -> Text:
-    def rate(value: float | None) -> str:
-        return "–" if value is None else f"{count(value)}/s"
-
     thaws = "" if view.thaws is None else f", thaws {view.thaws:.0f}"
     return _text(
-        ("messages  ", LABEL), f"sent {rate(view.sent_per_s)}, handled {rate(view.handled_per_s)}{thaws}"
+        ("messages  ", LABEL), f"sent {_rate(view.sent_per_s)}, handled {_rate(view.handled_per_s)}{thaws}"
     )
 
 
 def _late_line(view: View) -> Text:
     live = view.live
-    timers = "–" if live.timer_late_ms is None else f"{live.timer_late_ms.p99:.0f} ms"
-    handled = "–" if live.handled_late_ms is None else f"{live.handled_late_ms.p99:.0f} ms"
+    timers, handled = _p99(live.timer_late_ms), _p99(live.handled_late_ms)
     bound = f" (bound {view.late_bound_ms:.0f})" if math.isfinite(view.late_bound_ms) else ""
-    parts: list[tuple[str, str] | str] = [
-        ("late p99  ", LABEL),
-        f"timers {timers}, messages {handled}{bound}   ",
-    ]
-    if live.faithful is not None:
-        parts.append(("faithful", GOOD) if live.faithful else ("not faithful: too fast", BAD))
-    return _text(*parts)
+    return _text(("late p99  ", LABEL), f"timers {timers}, messages {handled}{bound}   ", *_faithful(view))
 
 
 def _machine_line(view: View) -> Text:
-    live = view.live
-    processes = "–" if live.processes is None else count(live.processes)
-    scale = "–" if live.time_scale is None else f"{live.time_scale:.2f}"
     return _text(
-        ("machine   ", LABEL), f"{processes} processes, {memory(live.memory_mb)}, time scale {scale}"
+        ("machine   ", LABEL),
+        f"{_processes(view)} processes, {memory(view.live.memory_mb)}, time scale {_scale(view)}",
     )
+
+
+def _rate(value: float | None) -> str:
+    return "–" if value is None else f"{count(value)}/s"
+
+
+def _p99(late: Lateness | None) -> str:
+    return "–" if late is None else f"{late.p99:.0f} ms"
+
+
+def _faithful(view: View) -> list[tuple[str, str]]:
+    if view.live.faithful is None:
+        return []
+    return [("faithful", GOOD) if view.live.faithful else ("not faithful", BAD)]
+
+
+def _processes(view: View) -> str:
+    return "–" if view.live.processes is None else count(view.live.processes)
+
+
+def _scale(view: View) -> str:
+    return "–" if view.live.time_scale is None else f"{view.live.time_scale:.2f}"

@@ -1,4 +1,11 @@
-"""What is known of a run so far: HD and when it was reached, swarms, states. Pure bookkeeping, no files."""
+"""What is known of a run so far: HD and when it was reached, swarms, states. Pure bookkeeping, no files.
+
+HD is that of the lit FLSs and their points (specification, section 1). Which HDs there are, and which count:
+
+- There is one while at least two FLSs are lit. Moved to the right centroid, a single light is always perfect.
+- It counts, for the lowest HD, for the times and for `--until-hd`, from the moment when every FLS has been lit once,
+  and while at least half of them are lit: what is left of a display that has gone dark is no success.
+"""
 
 from __future__ import annotations
 
@@ -16,23 +23,25 @@ from swarmer.observe.palette import STATES
 THRESHOLDS = ("1", "0.1", "0.09", "0.01", "0.001")
 """HD in cells whose first crossing is recorded, as they are written in summary.json."""
 
+LIT_MIN = 2  # FLSs; fewer have no HD
+COUNTS_FROM = 0.5  # share of the FLSs; an HD of fewer is shown but counts for nothing
+
 NO_SWARM = SwarmStatistics(0, 0, 0, False)
 
 
 @dataclass(slots=True)
 class Progress:
-    """Taken from sample to sample by `update`. Before every FLS has been lit once, an HD is shown but counts for
-    nothing: a display of one lit point would be perfect.
-    """
+    """Taken from sample to sample by `update`."""
 
     meter: HausdorffMeter
     ever_lit: NDArray[np.bool_]
     t_s: float = 0.0
     samples: int = 0
     all_lit_s: float | None = None  # when every FLS had been lit once
-    hd: float = math.nan  # last; NaN while nobody is lit
-    hd_min: float | None = None
-    last_lit: tuple[NDArray[np.float64], NDArray[np.bool_]] | None = None  # positions and lit of that HD
+    hd: float = math.nan  # of the last sample, cells; NaN while fewer than LIT_MIN are lit
+    hd_counts: bool = False  # whether that HD counts
+    hd_min: float | None = None  # the lowest that counted
+    last: tuple[NDArray[np.float64], NDArray[np.bool_]] | None = None  # positions and lit of the last sample
     time_to_hd_s: dict[str, float | None] = field(default_factory=lambda: dict.fromkeys(THRESHOLDS))
     first_single_swarm_s: float | None = None
     single_swarm_count: int = 0
@@ -58,12 +67,11 @@ class Progress:
         self._update_swarms(snapshot)
 
     def _update_hd(self, snapshot: Snapshot) -> None:
-        if not snapshot.lit.any():
-            self.hd = math.nan
-            return
-        self.hd = self.meter.hd(snapshot.position, snapshot.lit)
-        self.last_lit = (snapshot.position, snapshot.lit)
-        if self.all_lit_s is None:
+        self.last = (snapshot.position, snapshot.lit)
+        has_one = int(snapshot.lit.sum()) >= LIT_MIN
+        self.hd = self.meter.hd(snapshot.position, snapshot.lit) if has_one else math.nan
+        self.hd_counts = has_one and self.all_lit_s is not None and self.lit_share >= COUNTS_FROM
+        if not self.hd_counts:
             return
         self.hd_min = self.hd if self.hd_min is None else min(self.hd_min, self.hd)
         for name, reached in self.time_to_hd_s.items():
@@ -79,9 +87,9 @@ class Progress:
                 self.first_single_swarm_s = snapshot.t_s
 
     def hd_absolute(self) -> float | None:
-        """The last HD without any translation; None if nobody was ever lit."""
-        return None if self.last_lit is None else self.meter.absolute(*self.last_lit)
+        """HD of the last sample without any translation; None where that has no HD."""
+        return None if self.last is None or math.isnan(self.hd) else self.meter.absolute(*self.last)
 
     def reached(self, hd_cells: float | None) -> bool:
         """True if HD counts and is below `hd_cells` now."""
-        return hd_cells is not None and self.all_lit_s is not None and self.hd < hd_cells
+        return hd_cells is not None and self.hd_counts and self.hd < hd_cells

@@ -32,6 +32,12 @@ CLOSE_S = 20.0  # how long closing may take
 EVENT_LEVELS = {"failure": "WARN", "error": "ERROR", "unfaithful": "WARN"}
 
 
+def import_rerun() -> None:
+    """Import what takes half a second, so that a Recording is made at once."""
+    import rerun
+    import rerun.blueprint  # noqa: F401
+
+
 class Recording:
     """recording.rrd while it is written: the cloud, the swarm, HD, swarms, states and events over emulated time."""
 
@@ -193,7 +199,8 @@ def _blueprint(truth: NDArray[np.float64], live: bool) -> Any:
 
     low, high = truth.min(axis=0), truth.max(axis=0)
     centre, size = (low + high) / 2, float(np.linalg.norm(high - low)) or 1.0
-    eye = centre + size * np.array([0.32, 0.22, 0.80])
+    flat = low[2] == high[2]  # seen from the front, or what is nearer to the eye is drawn larger
+    eye = centre + size * np.array([0.0, 0.0, 1.0] if flat else [0.32, 0.22, 0.80])
     legend = rrb.PlotLegend(rrb.Corner2D.RightTop)
     return rrb.Blueprint(
         rrb.Horizontal(

@@ -89,10 +89,14 @@ class RunDirectory:
         self._streams.append(stream)
         return stream
 
-    def write_config(self, config: RunConfig) -> None:
-        """Write the resolved settings, and into the manifest those that are not the default. Raises RunFailed."""
+    def write_config(self, config: RunConfig, points_sha256: str) -> None:
+        """Write the resolved settings; the manifest gets those that are not the default, and the hash of the points.
+
+        Raises RunFailed.
+        """
         write_text(self.path / CONFIG, config.to_yaml())
         self._manifest["settings"] = config.unusual()
+        self._manifest["points_sha256"] = points_sha256
         self._write_manifest()
 
     def write_summary(self, summary: dict[str, Any]) -> None:
@@ -124,9 +128,8 @@ class RunDirectory:
             raise failures[0]
 
     def _release(self) -> None:
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
+        _unlock(self._lock)
+        self._lock = None
 
     def _end_manifest(self, status: str) -> None:
         self._manifest.update(ended=_now(), status=status)
@@ -161,8 +164,8 @@ def _fresh(root: Path, name: str) -> Path:
     raise BadInput("out", str(root / name), "9999 runs of this name exist; choose another with --out")
 
 
-def _take(out: Path) -> None:
-    """Make `out` an empty directory of ours. Raises BadInput, RunFailed."""
+def check_out(out: Path) -> list[Path]:
+    """What an unfinished run left in `out`. Raises BadInput where `create` would, as far as one sees."""
     text = str(out)
     if not text.strip() or "\0" in text:
         raise BadInput("out", text, "the path of a directory that is new or empty")
@@ -172,23 +175,15 @@ def _take(out: Path) -> None:
                 "out", text, "it is a link to nothing; the path of a directory that is new or empty"
             )
         if not out.exists():
-            out.mkdir(parents=True)
-            return
+            above = next((path for path in out.parents if path.exists()), None)
+            if above is not None and not above.is_dir():
+                raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+            return []
     except (ValueError, OSError) as error:
-        if getattr(error, "errno", None) in DISK_FULL:
-            raise RunFailed(f"cannot make {out}: {error.strerror}") from None  # type: ignore[union-attr]
-        reason = getattr(error, "strerror", None) or str(error)
-        raise BadInput("out", text, f"the path of a directory that is new or empty ({reason})") from None
+        raise _no_directory(out, error) from None
     if not out.is_dir():
         raise BadInput("out", text, "it is a file; the path of a directory that is new or empty")
-    _clear(out)
-
-
-def _clear(out: Path) -> None:
-    """Remove what an unfinished run left in `out`; refuse everything else."""
     names = {path.name for path in out.iterdir()}
-    if not names:
-        return
     if SUMMARY in names:
         raise BadInput("out", str(out), "a finished run is there; choose another directory, or remove it")
     ours = {name + suffix for name in FILES for suffix in ("", PARTIAL, TEMPORARY)}
@@ -196,15 +191,37 @@ def _clear(out: Path) -> None:
         raise BadInput(
             "out", str(out), f"it holds other files ({strange[0]}); choose a new or empty directory"
         )
+    if names:
+        _unlock(_lock(out))
+    return [out / name for name in names]
+
+
+def _no_directory(out: Path, error: OSError | ValueError) -> BadInput:
+    reason = getattr(error, "strerror", None) or str(error)
+    return BadInput("out", str(out), f"the path of a directory that is new or empty ({reason})")
+
+
+def _take(out: Path) -> None:
+    """Make `out` an empty directory of ours; what an unfinished run left there goes. Raises BadInput, RunFailed."""
+    remains = check_out(out)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except (ValueError, OSError) as error:
+        if getattr(error, "errno", None) in DISK_FULL:
+            raise RunFailed(f"cannot make {out}: {error.strerror}") from None  # type: ignore[union-attr]
+        raise _no_directory(out, error) from None
     lock = _lock(out)
     try:
         with disk_errors(out):
-            for name in names:
-                path = out / name
+            for path in remains:
                 shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
     finally:
-        if lock is not None:
-            os.close(lock)
+        _unlock(lock)
+
+
+def _unlock(lock: int | None) -> None:
+    if lock is not None:
+        os.close(lock)
 
 
 def _lock(path: Path) -> int | None:

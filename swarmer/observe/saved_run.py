@@ -46,7 +46,7 @@ class SavedTimeline:
     swarm: NDArray[np.int32]  # (T, F)
     state: NDArray[np.int8]  # (T, F)
     lit: NDArray[np.bool_]  # (T, F)
-    hd_cells: NDArray[np.float64]  # (T,), NaN while nobody was lit
+    hd_cells: NDArray[np.float64]  # (T,), NaN while fewer than 2 were lit
 
     def swarms(self) -> NDArray[np.int64]:
         """Number of swarms at each sample, (T,)."""

@@ -30,9 +30,16 @@ COUNTERS = (
     "dropped_by_kernel",
 )
 
+# What only some engines have; they give it with their result.
+OF_SOME_ENGINES = ("events", "trace_sha256", "invariants_checked", "invariant_violations")
+
 
 def make_summary(progress: Progress, result: RunResult, shape: str, points: int, seed: int) -> dict[str, Any]:
-    """Everything of CONTRACT's summary.json; no value is NaN or infinite."""
+    """Every name of summary.json; no value is NaN or infinite.
+
+    `hd_cells` and `hd_absolute_cells` are of the last sample, null where fewer than two FLSs were lit in it; which HDs
+    count for `hd_min_cells` and `time_to_hd_s` says `progress`.
+    """
     counters = result.counters
     distance = counters.get("distance_cells")
     summary: dict[str, Any] = {
@@ -65,6 +72,7 @@ def make_summary(progress: Progress, result: RunResult, shape: str, points: int,
         "time_scale": result.time_scale,
         "faithful": result.faithful,
         "suggested_time_scale": result.suggested_time_scale,
+        **dict.fromkeys(OF_SOME_ENGINES),
     }
     summary.update(getattr(result, "extra", None) or {})
     return {name: plain(value) for name, value in summary.items()}

@@ -34,7 +34,7 @@ class Frame(NamedTuple):
     swarm: NDArray[Any]  # (F,), Swarm-ID, 0 while dark
     state: NDArray[Any]  # (F,), index into State
     lit: NDArray[Any]  # (F,)
-    hd_cells: float  # NaN while nobody is lit
+    hd_cells: float  # NaN while fewer than 2 are lit
 
 
 TYPES: dict[str, type[np.generic]] = {

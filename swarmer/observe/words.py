@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import math
+import os
+import textwrap
 from collections.abc import Sequence
+from typing import Any
 
 DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))  # braille, by column then row
 
@@ -74,6 +78,28 @@ def memory(megabytes: float | None) -> str:
     if megabytes is None:
         return "–"
     return f"{megabytes / 1000:.2f} GB" if megabytes >= 1000 else f"{megabytes:.0f} MB"
+
+
+def wrapped(line: str, width: int) -> list[str]:
+    """The line in pieces of at most `width` columns, broken between words; what follows the first is indented more.
+
+    >>> wrapped("  faithful: p99 late: timers", 20)
+    ['  faithful: p99', '    late: timers']
+    """
+    lead = line[: len(line) - len(line.lstrip())]
+    if len(line) <= width:
+        return [line]
+    return textwrap.wrap(
+        line, max(width, 20), initial_indent="", subsequent_indent=lead + "  ", break_on_hyphens=False
+    )
+
+
+def columns_of(stream: Any, otherwise: int = 80) -> int:
+    """How wide the terminal behind `stream` is; `otherwise` where there is none."""
+    try:
+        return os.get_terminal_size(stream.fileno()).columns or otherwise
+    except (OSError, ValueError, AttributeError, io.UnsupportedOperation):
+        return otherwise
 
 
 def braille_curve(

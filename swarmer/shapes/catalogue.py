@@ -93,6 +93,17 @@ def is_path(shape: str) -> bool:
         return False
 
 
+def place_of(shape: str) -> str:
+    """A name of the catalogue as it is; the path of a file that `load_shape` read, as every directory reads it.
+
+    The file's own name stays, also where it is a link: the run is called after it.
+    """
+    if shape in CATALOGUE:
+        return shape
+    path = Path(shape)
+    return str(path.parent.resolve() / path.name)
+
+
 def _from_catalogue(name: str, entry: Entry, points: int | None, seed: int) -> PointCloud:
     finish = partial(make_cloud, name, licence=entry.licence, source=entry.about, credit=entry.credit)
     if entry.make is not None:

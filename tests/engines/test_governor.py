@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from swarmer.engines.governor import CALM, PATIENCE_S, SLOWEST, Governor
+from swarmer.engines.governor import AWAKE_S, CALM, PATIENCE_S, SLOWEST, Governor
 from swarmer.metrics.lateness import BUCKETS, bucket
 
 LEASE_MS = 250.0
@@ -120,6 +120,35 @@ def test_who_is_late_only_because_all_were_woken_is_no_reason_to_slow_down():
     machine = Machine(governor(wake_ms=1000), lambda t: 4000.0, woken_late_ms=300.0).run(9.5)
     assert machine.scales[-1] == 1.0
     assert (np.diff(machine.scales) < 0).sum() == 0
+
+
+def test_what_happens_while_all_are_woken_is_no_lesson_at_all():
+    """To have been late then proves nothing, and nor does not to have been seen to be."""
+    judge = governor(wake_ms=400.0)
+    handled, capacity, wall = np.zeros(BUCKETS, np.int64), [], 100.0
+    for look in range(60):  # quiet at first: it goes up to real time; then busy at once
+        wall += 0.05
+        handled[bucket(1.0 if look < 20 else 300.0)] += 5 if look < 20 else 240
+        before = judge.scale
+        judge.judge(handled * 0, handled.copy(), int(handled.sum()), 0, 5 + 0.05 * look, wall)
+        capacity.append(judge._capacity)
+        if judge.scale > before:
+            awake = look + int(AWAKE_S / 0.05)
+            handled[bucket(1.0)] += 1000  # much done, as all wake
+            break
+    for later in range(look + 1, awake):
+        wall += 0.05
+        handled[bucket(300.0)] += 240
+        judge.judge(handled * 0, handled.copy(), int(handled.sum()), 0, 5 + 0.05 * later, wall)
+        assert judge._capacity == capacity[-1]
+
+
+def test_without_a_rehearsal_it_still_learns():
+    """Nobody was woken in time, so nothing is known of the machine: lateness teaches it all the same."""
+    made = Governor("auto", LEASE_MS, COUNT)
+    machine = Machine(made, lambda t: 30_000.0).run(30)
+    assert machine.scales[-1] < 0.5
+    assert machine.over() < 0.06
 
 
 @pytest.mark.parametrize(("so_far_ms", "learns"), [(1.0, False), (110.0, True)])

@@ -18,6 +18,7 @@ NETWORK = {
     "replacements", "processes", "memory_mb_per_fls", "timer_late_ms", "handled_late_ms", "time_scale", "faithful",
     "suggested_time_scale",
 }  # fmt: skip
+VIRTUAL = {"events", "trace_sha256", "invariants_checked", "invariant_violations"}
 
 TRUTH = np.array([[0.0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]])
 LIVE = Live(None, None, None, None, None, None)
@@ -30,7 +31,8 @@ def snapshot(t_s, position=TRUTH, swarm=(1, 2, 3, 4), lit=(True,) * 4):
 
 def test_summary_has_the_names_of_the_contract(fake, finished_run):
     summary = json.loads((finished_run / "summary.json").read_text())
-    assert not (EVERY_ENGINE | NETWORK) - set(summary)
+    assert not (EVERY_ENGINE | NETWORK | VIRTUAL) - set(summary)
+    assert {summary[name] for name in VIRTUAL} == {None}
     assert "NaN" not in (finished_run / "summary.json").read_text()
     assert (summary["format"], summary["status"], summary["points"], summary["seed"]) == (1, "done", 40, 7)
     assert set(summary["time_to_hd_s"]) == {"1", "0.1", "0.09", "0.01", "0.001"}
@@ -58,7 +60,7 @@ def test_everything_of_the_contract_is_in_the_directory(finished_run):
 def test_hd_counts_only_once_every_fls_was_lit():
     progress = Progress.of(TRUTH)
     progress.update(snapshot(1.0, lit=(True, False, False, False)))
-    assert progress.hd == 0  # one light is perfect
+    assert math.isnan(progress.hd)  # moved to the centroid, one light is always perfect
     assert (progress.hd_min, progress.time_to_hd_s["1"], progress.reached(1.0)) == (None, None, False)
     progress.update(
         snapshot(2.0, lit=(False, True, True, True))
@@ -81,8 +83,36 @@ def test_hd_is_of_the_lit_and_time_is_of_the_first_crossing():
         moved[0] = (-error, 0, 0)
         progress.update(snapshot(float(t_s), moved))
     assert progress.time_to_hd_s["0.1"] == 2.0
-    progress.update(snapshot(5.0, moved * 0, lit=(False, True, False, False)))
-    assert progress.hd == 0
+    progress.update(snapshot(5.0, moved * 0, lit=(False, True, True, False)))
+    assert progress.hd == pytest.approx(50**0.5)  # both in one place, their points 10 and 10 cells away
+
+
+def test_what_is_left_of_a_display_that_went_dark_is_no_success():
+    """Failures without replacement: two lights of four still count, one of four has no HD."""
+    crooked = TRUTH + [[0.0, 0, 0], [1, 0, 0], [0, 0, 0], [0, 0, 0]]
+    progress = Progress.of(TRUTH)
+    progress.update(snapshot(1.0, crooked))
+    assert progress.hd_min == progress.hd == pytest.approx(0.75)
+    progress.update(snapshot(2.0, crooked, lit=(True, False, False, False)))
+    assert not progress.reached(0.1)
+    assert (progress.hd_min, progress.time_to_hd_s["0.1"]) == (pytest.approx(0.75), None)
+    summary = make_summary(progress, RunResult("process", "done", 2.0, 2.0), "s", 4, 1)
+    assert (summary["hd_cells"], summary["hd_absolute_cells"], summary["lit_share"]) == (None, None, 0.25)
+    progress.update(snapshot(3.0, crooked, lit=(True, False, True, False)))
+    assert progress.reached(0.1)
+    assert (progress.hd_min, progress.time_to_hd_s["0.1"]) == (0.0, 3.0)
+
+
+def test_fewer_than_half_of_the_lights_are_shown_but_do_not_count():
+    truth = np.arange(15.0).reshape(5, 3) ** 2
+    progress = Progress.of(truth)
+    ids, lit, dark = np.ones(5, np.int32), np.ones(5, bool), np.array([True, True, False, False, False])
+    far = truth + np.eye(5, 3)
+    progress.update(Snapshot(1.0, far, ids, lit.astype(np.int8), lit, lit, {}, LIVE))
+    before = progress.hd_min
+    progress.update(Snapshot(2.0, truth, ids, dark.astype(np.int8), dark, dark, {}, LIVE))
+    assert (progress.hd, progress.hd_absolute()) == (0.0, 0.0)
+    assert (progress.hd_min, progress.reached(1.0)) == (before, False)
 
 
 def test_single_swarms_are_counted_by_their_beginnings():

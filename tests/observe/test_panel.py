@@ -2,6 +2,7 @@ import io
 
 import pytest
 
+from swarmer.engines.result import Lateness, Live
 from swarmer.observe.closing import closing_lines
 from swarmer.observe.panel import Panel
 from swarmer.observe.panel_view import View, panel_lines
@@ -54,12 +55,34 @@ VIEWS = {
 
 
 @pytest.mark.parametrize("name", VIEWS)
-@pytest.mark.parametrize("width", [40, 76, 92])
-def test_height_never_changes_and_80_columns_are_enough(name, width):
+@pytest.mark.parametrize("width", [36, 56, 73, 74, 76, 92, 116])
+def test_height_never_changes_and_40_columns_are_enough(name, width):
     lines = panel_lines(VIEWS[name], width)
-    assert len(lines) == 13
-    if name != "huge" and width >= 76:
+    assert len(lines) == (13 if width >= 74 else 16)
+    if name != "huge":
         assert max(line.cell_len for line in lines) <= width
+
+
+@pytest.mark.parametrize("width", [36, 56, 76])
+def test_a_run_of_760_is_told_in_full(width):
+    late = Lateness(2.0, 1044.0, 2000.0)
+    live, states = Live(0.09, late, late, 760, 2590.0, False), (0, 451, 78, 760, 231)
+    view = View("t", 760, 60.0, 0.1, 125.0, 58.94, 3723.0, 760, states, 185, 760, 16, 12.0, 0.00336, 0.00331, 5161.0,
+                18800.0, live, [(1.0, 5.0), (50.0, 0.01)])  # fmt: skip
+    lines = [line.plain for line in panel_lines(view, width)]
+    assert max(map(len, lines)) <= width
+    for part in (
+        "0.00336",
+        "0.00331",
+        "Busy Localizing",
+        "1:02:03",
+        "18,800/s",
+        "1044 ms",
+        "2.59 GB",
+        "0.09",
+        "not",
+    ):
+        assert any(part in line for line in lines), part
 
 
 def test_closing_lines_say_what_happened_and_what_to_do_next(tmp_path):
@@ -67,7 +90,7 @@ def test_closing_lines_say_what_happened_and_what_to_do_next(tmp_path):
         "status": "done", "shape": "dragon", "points": 760, "emulated_s": 60.0, "wall_s": 61.0, "hd_cells": 0.002,
         "hd_min_cells": 0.001, "time_to_hd_s": {"1": 12.3, "0.01": None}, "first_single_swarm_s": 4.1,
         "single_swarm_count": 3, "faithful": False, "suggested_time_scale": 0.5,
-        "timer_late_ms": {"p99": 300.0}, "handled_late_ms": {"p99": 20.0},
+        "timer_late_ms": {"p99": 300.0}, "handled_late_ms": {"p99": 20.0}, "lit_share": 1.0,
     }  # fmt: skip
     text = "\n".join(closing_lines(summary, tmp_path / "my run"))
     for part in (
@@ -79,5 +102,58 @@ def test_closing_lines_say_what_happened_and_what_to_do_next(tmp_path):
         "--time-scale 0.5",
     ):
         assert part in text
-    assert f"replay '{tmp_path / 'my run'}'" in text
+    assert f"report '{tmp_path / 'my run'}'" in text
+    assert "lit" not in text
     assert closing_lines({"status": "failed", "message": "why"}, tmp_path)[1].strip() == "why"
+
+
+@pytest.mark.parametrize(
+    ("left", "display", "offered"),
+    [
+        ("recording.rrd", ":0", "replay RUN"),
+        ("recording.rrd.partial", ":0", "replay RUN"),
+        ("recording.rrd", "", "replay --web RUN"),
+        ("timeline.npz", ":0", "replay --terminal RUN"),
+        ("log.txt", ":0", None),
+    ],
+)
+def test_what_is_offered_next_works(tmp_path, monkeypatch, left, display, offered):
+    monkeypatch.setenv("DISPLAY", display)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr("sys.platform", "linux")
+    (tmp_path / left).touch()
+    text = "\n".join(closing_lines({"status": "done"}, tmp_path)).replace(str(tmp_path), "RUN")
+    assert ("replay" in text) == (offered is not None)
+    assert offered is None or f"swarmer {offered}" in text
+
+
+@pytest.mark.parametrize(
+    ("share", "hd", "words"),
+    [(0.9, 0.1, "36 of 40 FLSs lit at the end: HD is theirs alone"), (0.025, None, "no HD of so few")],
+)
+def test_it_is_said_how_many_are_lit_where_not_all_are(tmp_path, share, hd, words):
+    summary = {"status": "done", "points": 40, "lit_share": share, "hd_cells": hd}
+    assert words in "\n".join(closing_lines(summary, tmp_path))
+
+
+@pytest.mark.parametrize("width", [40, 60, 80])
+def test_closing_lines_fit_the_terminal(tmp_path, width):
+    times = dict.fromkeys(("1", "0.1", "0.09", "0.01", "0.001"), 12.3)
+    late = {"p99": 1234.0}
+    summary = {
+        "status": "done", "shape": "butterfly1008", "points": 1008, "emulated_s": 60.0, "wall_s": 161.0,
+        "hd_cells": 0.0021, "hd_min_cells": 0.001, "time_to_hd_s": times, "first_single_swarm_s": 4.1,
+        "single_swarm_count": 3, "faithful": False, "suggested_time_scale": 0.5, "timer_late_ms": late,
+        "handled_late_ms": late, "lit_share": 0.5,
+    }  # fmt: skip
+    lines = [line for line in closing_lines(summary, tmp_path, width=width) if str(tmp_path) not in line]
+    assert max(map(len, lines)) <= width
+    text = " ".join(" ".join(lines).split())
+    for part in (
+        "one swarm at 4.1 s, 3 ×",
+        "< 0.001",
+        "12.3 s",
+        "--time-scale 0.5 would do",
+        "504 of 1,008 FLSs lit",
+    ):
+        assert part in text

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from swarmer.engines.result import Event
 from swarmer.errors import BadInput, SwarmerError
-from swarmer.observe.run_directory import RunDirectory, safe_name
+from swarmer.observe.run_directory import RunDirectory, check_out, safe_name
 from swarmer.observe.saved_run import load
 
 
@@ -47,6 +47,26 @@ class _Blank:
 
     def __str__(self):
         return self.text
+
+
+def test_what_is_refused_is_refused_before_anything_is_written(tmp_path):
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "done").mkdir()
+    (tmp_path / "done" / "summary.json").write_text("{}")
+    held = create(tmp_path / "held")
+    for name, reason in (
+        ("file", "is a file"),
+        ("done", "finished run"),
+        ("held", "another run"),
+        ("file/below", ""),
+    ):
+        with pytest.raises(BadInput, match=f"out.*{reason}"):
+            check_out(tmp_path / name)
+    held.close("failed")
+    remains = {path.name for path in check_out(tmp_path / "held")}
+    assert remains == {path.name for path in (tmp_path / "held").iterdir()} >= {"manifest.json"}
+    assert check_out(tmp_path / "new" / "below") == []
+    assert not (tmp_path / "new").exists()
 
 
 def test_out_may_be_new_or_empty_only(tmp_path):
