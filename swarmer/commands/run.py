@@ -17,12 +17,16 @@ import click
 from swarmer.errors import BadInput, RunFailed
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from swarmer.config import RunConfig
-    from swarmer.engines.result import RunResult
+    from swarmer.engines.result import RunResult, Witness
     from swarmer.observe.collector import Collector
+    from swarmer.observe.trace import Tracer
     from swarmer.plan import Plan
 
 INTERRUPTED = 130
+EVERYBODY = "all"
 
 
 @click.command("run")
@@ -42,6 +46,8 @@ INTERRUPTED = 130
 @click.option("--out", metavar="DIR", help="The run directory itself. [default: runs/SHAPE-TIME-SEED]")  # fmt: skip
 @click.option("--live", is_flag=True, help="Open the rerun viewer while it runs.")
 @click.option("--no-recording", is_flag=True, help="Do not write recording.rrd.")
+@click.option("--trace", is_flag=True, help="Write trace.jsonl.gz, the log of all that happened to each FLS, for `swarmer explain`; with --engine virtual.")  # fmt: skip
+@click.option("--trace-fids", metavar="FIDS", help="Log these FLSs alone, as 17,40-60; implies --trace.")
 @click.option(
     "--json", "as_json", is_flag=True, help="Print the summary on stdout instead of the run directory."
 )
@@ -52,6 +58,8 @@ def command(
     out: str | None,
     live: bool,
     no_recording: bool,
+    trace: bool,
+    trace_fids: str | None,
     as_json: bool,
     shape: str | None,
     **texts: str | None,
@@ -71,7 +79,9 @@ def command(
     if no_recording:
         flags["recording.enabled"] = False
     settings = load_config(config, [*overrides, *given], **flags)
-    return run(settings, directory_named(out), live, as_json)
+    if trace and trace_fids is None:
+        trace_fids = EVERYBODY
+    return run(settings, directory_named(out), live, as_json, trace_fids)
 
 
 def directory_named(out: str | None) -> Path | None:
@@ -87,31 +97,60 @@ def directory_named(out: str | None) -> Path | None:
     return Path(out)
 
 
-def run(config: RunConfig, out: Path | None, live: bool, as_json: bool) -> int:
-    """Plan, check, run, sum up; the exit status. Raises BadInput before anything is written, RunFailed after."""
+def run(config: RunConfig, out: Path | None, live: bool, as_json: bool, trace_fids: str | None = None) -> int:
+    """Plan, check, run, sum up; the exit status. Raises BadInput before anything is written, RunFailed after.
+
+    trace_fids: whose events are logged, as the option has it, or EVERYBODY; None for no log.
+    """
     from swarmer.observe.collector import Collector
     from swarmer.observe.panel import Panel
-    from swarmer.observe.run_directory import RunDirectory
+    from swarmer.observe.run_directory import TRACE, RunDirectory
     from swarmer.plan import make_plan
 
+    refuse_trace(config, trace_fids)
     plan = make_plan(config)
-    with make_engine(plan) as engine:
+    tracer = make_tracer(plan, trace_fids)
+    with make_engine(plan, [tracer] if tracer else ()) as engine:
         tell_plan(plan)
         directory = RunDirectory.create(out, config.shape, config.seed, sys.argv)
         collector = Collector(directory, Panel(), live)
+        if tracer:
+            tracer.open(directory.stream(TRACE))
         result = play(engine, collector)
+        if tracer:
+            tracer.close(result)
     # From here on all that is left is writing down what there is; another Ctrl-C must not cut it off.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     summary = collector.finish(result)
     return close(summary, directory.path, as_json, collector)
 
 
-def make_engine(plan: Plan) -> Any:
-    """The engine that the settings name. Raises BadInput where this machine cannot take the run."""
+def refuse_trace(config: RunConfig, trace_fids: str | None) -> None:
+    """Raises BadInput for a log of a run that has none."""
+    if trace_fids is not None and config.engine != "virtual":
+        raise BadInput.saying(
+            f"trace: the engine {config.engine} keeps no event log; --engine virtual does, and plays the same protocol"
+        )
+
+
+def make_tracer(plan: Plan, trace_fids: str | None) -> Tracer | None:
+    """Who writes the event log, if there is to be one. Raises BadInput for FIDs that the run does not have."""
+    if trace_fids is None:
+        return None
+    from swarmer.observe.trace import Tracer, fids_named
+
+    return Tracer(plan, None if trace_fids == EVERYBODY else fids_named(trace_fids, plan.size))
+
+
+def make_engine(plan: Plan, witnesses: Sequence[Witness] = ()) -> Any:
+    """The engine that the settings name. Raises BadInput where this machine cannot take the run.
+
+    witnesses: of a run in virtual time.
+    """
     if plan.config.engine == "virtual":
         from swarmer.engines.virtual import VirtualEngine
 
-        return VirtualEngine(plan)
+        return VirtualEngine(plan, witnesses)
     from swarmer.engines.process import ProcessEngine
 
     return ProcessEngine(plan)
