@@ -321,7 +321,7 @@ def _about(message: Message, epoch: int) -> str:
     return more + f',"epoch":{message.epoch}' if message.epoch != epoch else more
 
 
-def fids_named(text: str, count: int) -> frozenset[int]:
+def fids_named(text: str, count: int, option: str = "trace-fids") -> frozenset[int]:
     """FIDs as `17,40-60` names them, in a display of `count` FLSs. Raises BadInput.
 
     >>> sorted(fids_named("3, 8-10", 12))
@@ -332,6 +332,6 @@ def fids_named(text: str, count: int) -> frozenset[int]:
         ends = re.fullmatch(r"\s*(\d{1,9})\s*(?:-\s*(\d{1,9})\s*)?", part, re.ASCII)
         low, high = (int(ends[1]), int(ends[2] or ends[1])) if ends else (0, 0)
         if not 1 <= low <= high <= count:
-            raise BadInput("trace-fids", text, f"FIDs of this run, 1 to {count}, as 17,40-60")
+            raise BadInput(option, text, f"FIDs of this run, 1 to {count}, as 17,40-60")
         found.update(range(low, high + 1))
     return frozenset(found)
