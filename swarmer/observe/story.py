@@ -10,7 +10,7 @@ from swarmer.observe.trace_file import Record
 FATE_WORDS = {
     "run": "of another run", "sender": "from nobody in this run", "address": "not for it any more",
     "range": "out of range", "own": "from its own swarm", "lost": "lost at the receiver",
-    "delayed": "held back by the radio", "replayed": "received before", "answered": "answered at once",
+    "delayed": "held back by the radio", "replayed": "received before or out of date", "answered": "answered at once",
 }  # fmt: skip
 # What does not change how a story goes on; shown only if everything is.
 QUIET_FATES = {"run", "sender", "address", "range", "own", "delayed", "queued", "noted", "dropped"}
