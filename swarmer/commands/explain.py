@@ -1,4 +1,4 @@
-"""`swarmer explain RUN`: what happened to an FLS or to a datagram, from the run's event log, in words."""
+"""`swarmer explain RUN`: what happened to an FLS or to a datagram, from the run's event log; or a scenario played."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from swarmer.errors import BadInput
+from swarmer.errors import BadInput, RunFailed
 
 if TYPE_CHECKING:
     from swarmer.observe.trace_file import Record, TraceFile
@@ -26,7 +26,7 @@ class Window(NamedTuple):
 
 
 @click.command("explain")
-@click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
+@click.argument("run", metavar="RUN", required=False, type=click.Path(path_type=Path))
 @click.option("--fls", "fids", metavar="FIDS", help="The story of this FLS, or of several, as 17,40-42.")
 @click.option("--from", "from_s", type=float, metavar="S", help="From this emulated second on. [default: 0]")
 @click.option("--to", "to_s", type=float, metavar="S", help="Up to this emulated second. [default: the end]")
@@ -42,14 +42,21 @@ class Window(NamedTuple):
 @click.option(
     "--json", "as_json", is_flag=True, help="The records of the log themselves, one JSON object a line."
 )
+@click.option(
+    "--scenario",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Play a scenario file instead, and compare with what it says.",
+)
 def command(
-    run: Path,
+    run: Path | None,
     fids: str | None,
     from_s: float | None,
     to_s: float | None,
     message: str | None,
     everything: bool,
     as_json: bool,
+    scenario: Path | None,
 ) -> None:
     """Tell what happened in RUN, a directory of a run made with --trace.
 
@@ -57,6 +64,13 @@ def command(
     it was, and what the FLS did because of it. In brackets stand the ids of datagrams; --message follows one of them
     from cause to effect. With --fls alone, the FLS's life in numbers; with no option, all datagrams by kind.
     """
+    if scenario is not None:
+        if run is not None:
+            raise click.UsageError("--scenario FILE needs no RUN")
+        play_scenario(scenario)
+        return
+    if run is None:
+        raise click.UsageError("whose story? give RUN, the directory of a run made with --trace")
     from swarmer.observe.trace_file import TraceFile
 
     window = window_of(from_s, to_s)
@@ -78,6 +92,18 @@ def command(
         click.echo(line)
     if trace.cut:
         click.echo("note: the run ended before its event log was closed; this is what is whole", err=True)
+
+
+def play_scenario(path: Path) -> None:
+    """Play a file and print it with what came of it. Raises BadInput if it is none, RunFailed if it says otherwise."""
+    from swarmer.observe.scenario import first_difference, read
+    from swarmer.observe.stage import play
+
+    told = read(path)
+    given = play(told)
+    click.echo(told.rewritten(given), nl=False)
+    if difference := first_difference(told, given):
+        raise RunFailed(f"{path}, {difference}")
 
 
 def window_of(from_s: float | None, to_s: float | None) -> Window:

@@ -102,9 +102,9 @@ class Tracer(Witness):
         self._ignored = self._stale = 0
 
     def open(self, stream: Stream) -> None:
-        """Begin to write. Raises RunFailed."""
+        """Write to this stream from now on."""
         self._stream = stream
-        self._write(json.dumps(self._header) + "\n")
+        self._lines.append(json.dumps(self._header) + "\n")
 
     def close(self, result: RunResult) -> None:
         """Write the rest; a disk that refuses makes a failed run of it."""
@@ -140,7 +140,9 @@ class Tracer(Witness):
         if not self._keeps(fid):
             self._door = None
             return
-        if cause is not None and not self._enters(event, actions, cause):
+        if cause is None:
+            self._settle()
+        elif not self._enters(event, actions, cause):
             return
         name, judged = self._cause_of(fid, event, cause), self._judged(fls)
         told = event_name(event)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import zlib
 from collections.abc import Iterator
@@ -112,10 +113,67 @@ class TraceFile:
                 continue
             try:
                 record = json.loads(line)
-                at = record["t"]
-                if at > to_s and record["is"] != "end":
-                    return
-                if at >= from_s and "fid" in record:
-                    yield record
-            except (ValueError, KeyError, TypeError, RecursionError):
+            except (ValueError, RecursionError):
+                continue
+            if not is_record(record):
                 continue  # the header, the end, or damaged
+            if record["t"] > to_s:
+                return
+            if record["t"] >= from_s:
+                yield record
+
+
+TEXT, NUMBER, STATE = "text", "number", "state"
+# What a record of each kind has at least, and what some have.
+NEEDED = {
+    "made": {"incarnation": NUMBER},
+    "handled": {"event": TEXT, "before": STATE},
+    "heard": {"message": TEXT, "kind": TEXT, "fate": TEXT},
+    "sent": {"message": TEXT, "kind": TEXT, "to": TEXT, "xi": TEXT},
+    "flew": {"cells": NUMBER, "until": NUMBER},
+    "ended": {"how": TEXT},
+}
+OPTIONAL = {
+    "after": STATE,
+    "cause": TEXT,
+    "xi": TEXT,
+    "why": TEXT,
+    "event": TEXT,
+    "kind": TEXT,
+    "copies": NUMBER,
+}
+SWARM = re.compile(r"[0-9]{1,10}(\.[0-9]{1,10})?")
+
+
+def is_record(record: object) -> bool:
+    """Whether it has what a record needs, so that whoever reads it need not ask."""
+    if not isinstance(record, dict) or record.get("is") not in NEEDED:
+        return False
+    if not _is(record.get("t"), NUMBER) or type(record.get("fid")) is not int:
+        return False
+    parts = NEEDED[record["is"]]
+    if not all(_is(record.get(name), kind) for name, kind in parts.items()):
+        return False
+    if not all(_is(record[name], kind) for name, kind in OPTIONAL.items() if name in record):
+        return False
+    if "xi" in record and not (
+        SWARM.fullmatch(record["xi"]) and (record["is"] != "handled" or "cause" in record)
+    ):
+        return False
+    judged = record.get("judged", [])
+    return isinstance(judged, list) and all(_is(name, TEXT) for name in judged)
+
+
+def _is(value: object, kind: str) -> bool:
+    if kind == TEXT:
+        return isinstance(value, str) and value.isprintable()
+    if kind == NUMBER:
+        return isinstance(value, (int, float)) and math.isfinite(value)
+    return (
+        isinstance(value, list)
+        and len(value) == 5
+        and _is(value[0], TEXT)
+        and isinstance(value[1], str)
+        and bool(SWARM.fullmatch(value[1]))
+        and all(_is(number, NUMBER) for number in value[2:])
+    )

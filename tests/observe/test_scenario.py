@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from swarmer.errors import BadInput
+from swarmer.observe import stage
 from swarmer.observe.protocol_words import KIND_NAMES
 from swarmer.observe.scenario import COMMANDS, first_difference, parse, read
 from swarmer.observe.stage import play
@@ -64,7 +65,7 @@ def test_the_text_that_comes_of_a_scenario_is_itself():
     [
         ("2 => 1 ACCEPT", "2 => 1 CANCEL", "line 11: it says `2 => 1 CANCEL`, and what came is `2 => 1 ACCEPT`"),
         ("2 => 1 ACCEPT\n", "", "line 11: it says `nothing more`, and what came is `2 => 1 ACCEPT`"),
-        ("1 => all INIT\n", "1 => all INIT\n1 departs\n", "line 7: it says `1 departs`, and what came is `nothing more"),
+        ("1 => all INIT\n", "1 => all INIT\n1 departs\n", "line 7: it says `1 departs`, and what came is `nothing"),
         ("given 1 2 Available", "given 1 2 Available xi=1", "line 10: it says `2 <= 1 INIT           "),
     ],
 )  # fmt: skip
@@ -130,8 +131,8 @@ def test_settings_that_go_together_may_stand_on_one_line():
         play(parse(text.replace("=20", "=-1"), "gap"))
 
 
-def test_what_has_no_end_is_ended():
-    """Without epochs a THAW that everybody repeats goes round for ever."""
-    text = "set epochs=false thaw.repeat=1\ngiven 1 2 Available\n\nthaw 1\nrun\n----\n"
-    with pytest.raises(BadInput, match="line 5, column 1: there is no end of it: 1000 datagrams"):
-        play(parse(text, "loop"))
+def test_what_has_no_end_is_ended(monkeypatch):
+    monkeypatch.setattr(stage, "DELIVERIES", 2)
+    assert play(parse("given 1 2 Available\n\ntick 1\nrun\n----\n".replace("run", "deliver"), "short"))
+    with pytest.raises(BadInput, match="line 4, column 1: there is no end of it: 2 datagrams"):
+        play(parse("given 1 2 Available\n\ntick 1\nrun\n----\n", "long"))
