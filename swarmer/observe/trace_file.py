@@ -100,11 +100,8 @@ class TraceFile:
         to_s: float = float("inf"),
     ) -> Iterator[Record]:
         """Records of these FLSs, about this datagram, within these emulated seconds; what is none is passed over."""
-        who = (
-            None
-            if fids is None
-            else re.compile(rb'"fid":(?:%s),' % "|".join(map(str, sorted(fids))).encode())
-        )
+        any_of = "|".join(map(str, sorted(fids or ()))).encode()
+        who = None if fids is None else re.compile(rb'"fid": ?(?:%s),' % any_of)
         needle = f'"{message}"'.encode() if message else b""
         for line in self.lines():
             if who is not None and not who.search(line, 0, HEAD):
