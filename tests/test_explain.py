@@ -4,6 +4,7 @@ import gzip
 import json
 import re
 import shutil
+import signal
 import zlib
 from collections import Counter
 from pathlib import Path
@@ -28,6 +29,14 @@ def run_command(name, *arguments):
 
 def explain(*arguments):
     return run_command("explain", *arguments).stdout.splitlines()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def ctrl_c_as_before():
+    """A run in this process ignores Ctrl-C in the end, since a command is over then; pytest is not."""
+    before = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="module")
