@@ -44,8 +44,7 @@ COMMANDS = {
     ),
     "report": Lazy("swarmer.commands.report:command", "Write one HTML file about one or more runs."),
     "explain": Lazy(
-        "swarmer.commands.explain:command",
-        "Tell the life of an FLS or of a datagram, from a run made with --trace.",
+        "swarmer.commands.explain:command", "Tell what happened to an FLS or a datagram, and why."
     ),
     "shapes": Lazy("swarmer.commands.shapes:command", "List, show, check and make shapes."),
     "doctor": Lazy("swarmer.commands.doctor:command", "Tell what this machine can carry, and what to raise."),

@@ -15,6 +15,8 @@ from click.testing import CliRunner
 
 from swarmer.cli import load
 from swarmer.errors import BadInput, RunFailed
+from swarmer.observe.scenario import COMMANDS, first_difference, parse
+from swarmer.observe.stage import play
 
 SCENARIOS = Path(__file__).parent / "scenarios"
 ID = re.compile(r"\[(\d+\.\d+#\d+)\]")
@@ -108,7 +110,7 @@ def test_every_id_in_a_story_leads_on(made):
         first, *told = explain(made, "--message", ids[0])
         assert f"[{ids[0]}]" in first
         steps += 1
-        because = next((line for line in told if "because of" in line), "")
+        because = next((line for line in told if "  because" in line), "")
         ids = ID.findall(because)
     assert steps >= 3, "the merge, the measurement's pairing, the acceptance, ..."
     assert "challenge due" in because
@@ -307,3 +309,19 @@ def test_a_scenario_is_played(tmp_path):
         explain("--scenario", other, tmp_path)
     with pytest.raises(click.UsageError, match="whose story"):
         explain()
+
+
+def test_the_page_names_every_option_and_every_command_of_a_scenario():
+    page = (Path(__file__).parents[1] / "docs" / "explain.md").read_text("utf-8")
+    for parameter in load("explain").params:
+        for option in parameter.opts:
+            assert option in page or option in ("run", "--help", "-h", "--version"), option
+    for command in COMMANDS:
+        assert re.search(rf"`{command}\b", page), command
+
+
+def test_the_scenario_on_the_page_is_one_and_gives_what_it_says():
+    page = (Path(__file__).parents[1] / "docs" / "explain.md").read_text("utf-8")
+    (text,) = re.findall(r"```text\n(# Rule.*?)```", page, re.DOTALL)
+    scenario = parse(text, "page")
+    assert not first_difference(scenario, play(scenario))

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from swarmer.observe.story import Scene, fate_words, scenes, sender, sent_words
+from swarmer.observe.story import EVENT_WORDS, Scene, fate_words, scenes, sender, sent_words
 from swarmer.observe.trace_file import Record, TraceFile
 
 MESSAGE_ID = re.compile(r"\d{1,10}\.\d{1,5}#\d{1,10}", re.ASCII)
@@ -147,15 +147,7 @@ def message_lines(sent: Record | None, came: list[Scene], name: str, points: int
         yield f"{name}  sent by {'the engine' if name.startswith('0.') else 'an FLS whose records were not kept'}"
     else:
         yield f"{sent['t']:10.4f} s  {sent['fid']} (xi {sent['xi']}) sent {sent_words(sent)}"
-        if event := sent.get("event"):
-            of = sent.get("cause")
-            datagram = bool(of) and event.isupper()
-            why = (
-                f"{event} {sender(of)}"
-                if datagram and of
-                else event + (f", which came of [{of}]" if of else "")
-            )
-            yield f"              because of {why}"
+        yield from (f"              {reason}" for reason in [because(sent)] if reason)
     fates: Counter[str] = Counter()
     for scene in came:
         first = scene.first
@@ -165,6 +157,16 @@ def message_lines(sent: Record | None, came: list[Scene], name: str, points: int
             fates["handled"] += 1
     yield f"              heard: {counts(fates)}"
     yield from (scene.line(points) for scene in came)
+
+
+def because(sent: Record) -> str:
+    """What a datagram was sent for, and the id of the datagram that led to it."""
+    event, cause = str(sent.get("event", "")), str(sent.get("cause", ""))
+    if not event:
+        return ""
+    if event.isupper():  # a kind of datagram
+        return f"because of {event} {sender(cause)}"
+    return f"because: {EVENT_WORDS.get(event, event)}" + (f", after [{cause}]" if cause else "")
 
 
 def overview(trace: TraceFile) -> Iterator[str]:
