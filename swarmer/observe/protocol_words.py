@@ -31,15 +31,11 @@ from swarmer.protocol.events import (
 from swarmer.protocol.records import State
 
 # Of each kind of datagram, by its number; the long names of pairing are shortened as the specification's table has it.
-KIND_NAMES = {
-    int(kind): kind.name.removeprefix("CHALLENGE_").removeprefix("LEASE_") for kind in Kind
-}  # fmt: skip
+KIND_NAMES = {int(kind): kind.name.removeprefix("CHALLENGE_").removeprefix("LEASE_") for kind in Kind}
 KIND_NUMBERS = {name: number for number, name in KIND_NAMES.items()}
 STATE_NAMES = {state: "".join(part.title() for part in state.name.split("_")) for state in State}
-TIMER_NAMES = {
-    Timer.CHALLENGE: "challenge due", Timer.BOUND: "bound over", Timer.LEASE: "lease over", Timer.RENEW: "renew due",
-    Timer.THAW: "thaw due",
-}  # fmt: skip
+_OVER = (Timer.BOUND, Timer.LEASE)  # a time that is over; the others are due
+TIMER_NAMES = {timer: f"{timer.name.lower()} {'over' if timer in _OVER else 'due'}" for timer in Timer}
 LOCAL_NAMES = {"Launch": "launch", "Landed": "landed", "Measured": "measured", "BatteryLow": "battery low"}
 
 

@@ -156,7 +156,7 @@ class Tracer(Witness):
         if judged:
             more += f',"judged":{json.dumps(judged)}'
         if timers := self._remember(fid, actions, why, judged[-1] if judged else name):
-            more += f',"timers":{json.dumps(timers)}'
+            more += ',"timers":["' + '","'.join(timers) + '"]'
         self._add(f'{{"t":{now_s:.6f},"fid":{fid},"is":"handled",{why},"before":{before}{after}{more}}}\n')
 
     def sent(self, fls: Seen, message: Message, stamp: Stamp, copies: int, now_s: float) -> None:
