@@ -177,6 +177,21 @@ def test_a_log_that_was_cut_is_told_as_far_as_it_is_whole(run):
     assert 5 < lengths[0] < lengths[-1] == len(whole)
 
 
+@pytest.mark.parametrize("spoil", ["cut", "changed", "a line cut"])
+def test_a_whole_file_that_is_not_whole_is_told(run, spoil):
+    path = run / "trace.jsonl.gz"
+    data = path.read_bytes()
+    if spoil == "cut":
+        path.write_bytes(data[: len(data) // 2])
+    elif spoil == "changed":
+        path.write_bytes(data[: len(data) // 2] + bytes(64) + data[len(data) // 2 + 64 :])
+    else:
+        rewrite(run, [json.dumps(record) + "\n" for record in records(run)][:-1] + ['{"t":'])
+    done = run_command("explain", run, "--fls", 17, "--from", 0)
+    assert "this is what is whole" in done.stderr
+    assert len(done.stdout.splitlines()) > 10
+
+
 def test_a_damaged_log_loses_what_is_damaged(run):
     lines = [json.dumps(record) + "\n" for record in records(run)]
     whole = explain(run, "--fls", 17, "--from", 0, "--all")

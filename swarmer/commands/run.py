@@ -81,7 +81,7 @@ def command(
     settings = load_config(config, [*overrides, *given], **flags)
     if trace and trace_fids is None:
         trace_fids = EVERYBODY
-    return run(settings, directory_named(out), live, as_json, trace_fids)
+    return run(settings, directory_named(out), live, as_json, trace_fids=trace_fids)
 
 
 def directory_named(out: str | None) -> Path | None:
