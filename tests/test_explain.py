@@ -78,16 +78,22 @@ def test_the_story_of_an_fls(made):
     assert times == sorted(times)
     assert times[-1] <= 3
     assert "landed: lit" in "\n".join(story)
-    pairing = next(told for told in story if "-> BusyLocalizing" in told)
-    assert re.search(
-        r"xi 17->\d+ +(ACCEPT|ACK) from (\d+) \(xi \d+\) \[\2\.\d#\d+\], lower: \2 anchors; ", pairing
-    )
-    assert re.search(
-        r"FOLLOW_MERGE\(\d+\) to swarm 17 \[17\.0#\d+\].*; flies \d\.\d\d cells, until \d\.\d{4} s$", pairing
-    )
     everything = explain(made, "--fls", 17, "--from", 0, "--to", 3, "--all")
     assert len(everything) == len(story) + int(left_out.split()[0].replace(",", ""))
     assert set(story) < set(everything)
+
+
+def test_a_pairing_is_told_with_its_reason_and_what_came_of_it(made):
+    story = "\n".join(explain(made, "--from", 0, "--to", 3))
+    paired = re.search(
+        r"^.* s +(\d+)  Available -> BusyLocalizing  xi (\d+)->(\d+) +(ACCEPT|ACK) from (\d+) \(xi \3\) "
+        r"\[\5\.\d#\d+\], lower: \5 anchors; .*SET_WAITING\(l\) to swarm \2 \[\1\.0#\d+\].*; "
+        r"FOLLOW_MERGE\(\3\) to swarm \2 \[\1\.0#\d+\].*; flies \d+\.\d\d cells, until [\d.]+ s$",
+        story,
+        re.MULTILINE,
+    )
+    assert paired
+    assert int(paired[3]) < int(paired[2])
 
 
 def test_a_window_of_all_flss_is_what_each_of_them_tells(made):
