@@ -163,9 +163,8 @@ class Stage:
                 word.refuse(f"given {COMMANDS['given']}")
         if state.text not in ENTRANCES:
             state.refuse(f"no state {shown(state.text)}; there are {', '.join(ENTRANCES)}")
-        number = {
-            name: said[name].value().number() for name in ("xi", "epoch", "incarnation") if name in said
-        }
+        least = {"xi": 1, "epoch": 0, "incarnation": 0}
+        number = {name: said[name].value().number(low) for name, low in least.items() if name in said}
         several = {
             name: [part.number(1, FLSS) for part in said[name].value().parts()]
             for name in ("neighbours", "with")
@@ -202,7 +201,7 @@ class Stage:
         actor = self.actors.get(word.number(1, FLSS))
         if actor is None or (actor.dead and not dead):
             word.refuse(
-                f"no FLS {word.text} is there; {'`given` makes one' if actor is None else 'it has failed'}"
+                f"no FLS {word.text} is there; {'`given` makes one' if actor is None else 'it is gone'}"
             )
         return actor
 
@@ -228,11 +227,15 @@ class Stage:
         elif name == "battery":
             self._tell(actor, "battery low", BatteryLow())
         else:
-            actor.dead = True
-            self.air = [copy for copy in self.air if copy.receiver != m.fid]
+            self._gone(actor)
         if name == "replace":
             new = self._make(m.fid, m.incarnation + 1, m.epoch, sorted(m.beliefs.neighbours))
             self._tell(new, "takes its place", Launch(ZERO))
+
+    def _gone(self, actor: Actor) -> None:
+        """It hears nothing any more; what it has sent is still on its way."""
+        actor.dead = True
+        self.air = [copy for copy in self.air if copy.receiver != actor.machine.fid]
 
     def _measure(self, command: Word, words: list[Word]) -> None:
         if len(words) != 2:
@@ -401,7 +404,7 @@ class Stage:
                 self._say(actor, f"measures {action.message.sender}")
             elif isinstance(action, Depart):
                 self._say(actor, "departs")
-                actor.dead = True
+                self._gone(actor)
 
     def _say(self, actor: Actor, what: str, text: str = "") -> None:
         self.output.append(f"{f'{actor.machine.fid} {what}':<{WIDTH}}  {text}".rstrip())
