@@ -43,6 +43,9 @@ COMMANDS = {
         "Play a recorded run: viewer, web page, terminal, or made anew.",
     ),
     "report": Lazy("swarmer.commands.report:command", "Write one HTML file about one or more runs."),
+    "explain": Lazy(
+        "swarmer.commands.explain:command", "Tell what happened to an FLS or a datagram, and why."
+    ),
     "shapes": Lazy("swarmer.commands.shapes:command", "List, show, check and make shapes."),
     "sweep": Lazy(
         "swarmer.commands.sweep:command", "Make the runs of an experiment file, and one table of them."

@@ -8,3 +8,11 @@ from hypothesis import settings
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.register_profile("fresh", deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--rewrite-scenarios",
+        action="store_true",
+        help="write into tests/scenarios what the scenarios give now, instead of comparing",
+    )

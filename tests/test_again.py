@@ -1,6 +1,7 @@
 """`swarmer replay --again`: a run in virtual time is the same once more, or one line says why not."""
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -86,7 +87,10 @@ def test_changed_settings_are_named_with_what_they_were(run):
         ({"engine": "process"}, "process is never twice the same"),
         ({"status": "interrupted"}, "came to its end"),
         ({"format": 99}, "this one's is 99"),
-        ({"trace_sha256": None}, "came to its end"),
+        ({"status": None}, "came to its end; of this one nobody knows"),
+        ({"format": None}, "this one's is not known"),
+        ({"trace_sha256": None}, "nothing to compare with: its summary.json has no events and trace_sha256"),
+        ({"events": None}, "nothing to compare with"),
     ],
 )
 def test_what_cannot_be_repeated_is_refused(run, changes, line):
@@ -98,6 +102,38 @@ def test_what_cannot_be_repeated_is_refused(run, changes, line):
 def test_a_run_without_a_summary_is_refused(run):
     (run / "summary.json").unlink()
     with pytest.raises(BadInput, match="no summary"):
+        run_again(run)
+
+
+def test_another_count_of_events_is_a_failure(run):
+    events = json.loads((run / "summary.json").read_text())["events"]
+    spoil(run / "summary.json", events=events + 1)
+    with pytest.raises(RunFailed, match=f"then {events + 1:,} events, .* now {events:,} events"):
+        run_again(run)
+
+
+def test_a_failure_names_what_is_not_as_it_was(run):
+    spoil(run / "summary.json", trace_sha256="0" * 64)
+    spoil(run / "manifest.json", python="3.9.1", libraries={"numpy": "1.0", "rich": "0.1"})
+    with pytest.raises(RunFailed) as failed:
+        run_again(run)
+    assert re.search(
+        r"; since then python was 3.9.1, is 3\.\d+\.\d+, numpy was 1.0, is [\d.]+$", str(failed.value)
+    )
+
+
+def test_without_a_manifest_it_is_said_what_is_not_known(run, capsys):
+    (run / "manifest.json").unlink()
+    run_again(run)
+    told = capsys.readouterr()
+    assert "the same run" in told.out
+    assert "cannot tell whether settings and versions are as they were" in told.err
+    assert "None" not in told.err
+
+
+def test_without_settings_it_is_refused(run):
+    (run / "config.yaml").unlink()
+    with pytest.raises(BadInput, match=r"its settings are not known: it has no config\.yaml"):
         run_again(run)
 
 

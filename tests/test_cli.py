@@ -26,6 +26,7 @@ NOT_SETTINGS = {
     "no-recording",
     "check",
     "trace",
+    "trace-fids",
     "json",
     "version",
     "help",

@@ -86,6 +86,8 @@ def check(command, place):
         finished(command, place, statuses=(0, 1))
     elif command.startswith("swarmer-run"):
         points = SHORTER if "helix" not in command else SHORTER.replace("--points 12", "--points 20")
+        if "--engine virtual" in command:  # which has a time of its own
+            points = points.replace("--time-scale 1", "")
         out, err = finished(command + points, place)
         assert (place / out.splitlines()[-1] / "summary.json").is_file()
         assert "done: " in err

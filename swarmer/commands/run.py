@@ -18,12 +18,16 @@ from swarmer.errors import BadInput, RunFailed
 from swarmer.interrupts import INTERRUPTED, ends_at_once
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from swarmer.config import RunConfig
-    from swarmer.engines.result import RunResult
+    from swarmer.engines.result import RunResult, Witness
     from swarmer.observe.collector import Collector
+    from swarmer.observe.trace import Tracer
     from swarmer.plan import Plan
 
 ANY_WIDTH = 1000  # where there is no terminal, a line stays one
+EVERYBODY = "all"
 
 
 @click.command("run")
@@ -43,6 +47,8 @@ ANY_WIDTH = 1000  # where there is no terminal, a line stays one
 @click.option("--out", metavar="DIR", help="The run directory itself. [default: runs/SHAPE-TIME-SEED]")  # fmt: skip
 @click.option("--live", is_flag=True, help="Open the rerun viewer while it runs.")
 @click.option("--no-recording", is_flag=True, help="Do not write recording.rrd.")
+@click.option("--trace", is_flag=True, help="Write trace.jsonl.gz, the log of all that happened to each FLS, for `swarmer explain`; with --engine virtual.")  # fmt: skip
+@click.option("--trace-fids", metavar="FIDS", help="Log these FLSs alone, as 17,40-60; implies --trace.")
 @click.option(
     "--json", "as_json", is_flag=True, help="Print the summary on stdout instead of the run directory."
 )
@@ -53,6 +59,8 @@ def command(
     out: str | None,
     live: bool,
     no_recording: bool,
+    trace: bool,
+    trace_fids: str | None,
     as_json: bool,
     shape: str | None,
     **texts: str | None,
@@ -73,7 +81,9 @@ def command(
         from swarmer.config import load_config
 
         settings = load_config(config, [*overrides, *given], **flags)
-    return run(settings, directory_named(out), live, as_json, config)
+    if trace and trace_fids is None:
+        trace_fids = EVERYBODY
+    return run(settings, directory_named(out), live, as_json, source=config, trace_fids=trace_fids)
 
 
 def directory_named(out: str | None) -> Path | None:
@@ -89,21 +99,31 @@ def directory_named(out: str | None) -> Path | None:
     return Path(out)
 
 
-def run(config: RunConfig, out: Path | None, live: bool, as_json: bool, source: str | None = None) -> int:
+def run(
+    config: RunConfig,
+    out: Path | None,
+    live: bool,
+    as_json: bool,
+    source: str | None = None,
+    trace_fids: str | None = None,
+) -> int:
     """Check, plan, run, sum up; the exit status. Raises BadInput before anything is written, RunFailed after.
 
     source: the file that the settings were read from; with a run beside it, the shape is compared with that run's.
+    trace_fids: whose events are logged, as the option has it, or EVERYBODY; None for no log.
     """
     with ends_at_once():
         from swarmer.observe.collector import Collector
         from swarmer.observe.panel import Panel
-        from swarmer.observe.run_directory import RunDirectory, check_out
+        from swarmer.observe.run_directory import TRACE, RunDirectory, check_out
         from swarmer.plan import make_plan
 
         if out is not None:
             check_out(out)
+        refuse_trace(config, trace_fids)
         plan = make_plan(config)
-        ready = make_engine(plan)
+        tracer = make_tracer(plan, trace_fids)
+        ready = make_engine(plan, [tracer] if tracer else ())
         if config.recording.enabled or live:
             from swarmer.observe.recording import import_rerun
 
@@ -113,19 +133,43 @@ def run(config: RunConfig, out: Path | None, live: bool, as_json: bool, source: 
         tell_plan(plan)
         tell_changed_shape(plan, source)
         collector = Collector(directory, Panel(), live)
+        if tracer:
+            tracer.open(directory.stream(TRACE))
         result = play(engine, collector)
+        if tracer:
+            tracer.close(result)
     # From here on all that is left is writing down what there is; another Ctrl-C must not cut it off.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     summary = collector.finish(result)
     return close(summary, directory.path, as_json, collector)
 
 
-def make_engine(plan: Plan) -> Any:
-    """The engine that the settings name. Raises BadInput where this machine cannot take the run."""
+def refuse_trace(config: RunConfig, trace_fids: str | None) -> None:
+    """Raises BadInput for a log of a run that has none."""
+    if trace_fids is not None and config.engine != "virtual":
+        raise BadInput.saying(
+            f"trace: the engine {config.engine} keeps no event log; --engine virtual does, and plays the same protocol"
+        )
+
+
+def make_tracer(plan: Plan, trace_fids: str | None) -> Tracer | None:
+    """Who writes the event log, if there is to be one. Raises BadInput for FIDs that the run does not have."""
+    if trace_fids is None:
+        return None
+    from swarmer.observe.trace import Tracer, fids_named
+
+    return Tracer(plan, None if trace_fids == EVERYBODY else fids_named(trace_fids, plan.size))
+
+
+def make_engine(plan: Plan, witnesses: Sequence[Witness] = ()) -> Any:
+    """The engine that the settings name. Raises BadInput where this machine cannot take the run.
+
+    witnesses: of a run in virtual time.
+    """
     if plan.config.engine == "virtual":
         from swarmer.engines.virtual import VirtualEngine
 
-        return VirtualEngine(plan)
+        return VirtualEngine(plan, witnesses)
     from swarmer.engines.process import ProcessEngine
 
     return ProcessEngine(plan)

@@ -6,6 +6,7 @@ import math
 from random import Random
 
 from swarmer.messages import ANCHORING, BUSY, JOIN, Kind, Message, Swarm, To
+from swarmer.observe.protocol_words import KIND_NAMES
 from swarmer.plugins.signal_strength import SignalStrength
 from swarmer.protocol.anchor_selection import STRATEGIES
 from swarmer.protocol.challenge_policy import RComplete
@@ -32,11 +33,8 @@ SHORT = {
     State.DEPLOYING: "D", State.AVAILABLE: "A", State.BUSY_ANCHOR: "BA", State.BUSY_LOCALIZING: "BL",
     State.WAITING: "W",
 }  # fmt: skip
-NAMES = {
-    Kind.CHALLENGE_INIT: "INIT", Kind.CHALLENGE_ACCEPT: "ACCEPT", Kind.CHALLENGE_ACK: "ACK", Kind.CHALLENGE_FIN: "FIN",
-    Kind.LEASE_RENEW: "RENEW", Kind.LEASE_CANCEL: "CANCEL",
-}  # fmt: skip
-KINDS = {NAMES.get(kind, kind.name): kind for kind in Kind}
+NAMES = {kind: KIND_NAMES[kind] for kind in Kind}
+KINDS = {name: kind for kind, name in NAMES.items()}
 MEMBERS = (8, 9)  # FLSs that are in the swarm of FLS 5; all others are swarms of their own
 NEIGHBOURS = (3, 7, 8)
 
@@ -188,7 +186,7 @@ def in_words(actions) -> list[str]:
 def _in_words(action) -> str:
     if isinstance(action, Send):
         m = action.message
-        name = NAMES.get(Kind(m.kind), Kind(m.kind).name)
+        name = NAMES[Kind(m.kind)]
         if m.kind == Kind.SET_WAITING:
             name += "(a)" if m.flags & ANCHORING else "(l)"
         if m.kind in (Kind.MERGE, Kind.FOLLOW_MERGE):

@@ -1,0 +1,176 @@
+"""`trace.jsonl.gz` read back: line by line, so that its size does not matter, and as far as it is whole."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from swarmer.errors import BadInput
+from swarmer.observe.files import PARTIAL
+from swarmer.observe.run_directory import TRACE
+from swarmer.observe.saved_run import check_run_directory, existing
+from swarmer.observe.trace import FORMAT
+
+CHUNK = 1 << 16  # bytes read, and
+UNPACKED = 1 << 20  # bytes unpacked at a time
+LONGEST = 1 << 20  # bytes of a line; a record has some hundred
+HEAD = 48  # bytes within which a record has said when and who
+
+Record = dict[str, Any]
+
+
+class Header(NamedTuple):
+    """What the first line says."""
+
+    shape: str
+    points: int  # F
+    seed: int
+    swarmer: str
+    fids: frozenset[int] | None  # whose records were kept; None: everybody's
+
+
+class TraceFile:
+    """The event log of a run directory. Iterating it gives the lines; afterwards `cut` says if any are missing."""
+
+    def __init__(self, run: Path) -> None:
+        """Raises BadInput for a directory without an event log that can be read."""
+        check_run_directory(run)
+        path = existing(run, TRACE)
+        if path is None:
+            raise BadInput(
+                "run", str(run), "it has no event log; `swarmer-run --engine virtual --trace` writes one"
+            )
+        self.run, self.path = run, path
+        self.cut = path.name.endswith(PARTIAL)
+        self.header = self._read_header()
+
+    def _read_header(self) -> Header:
+        try:
+            first = json.loads(next(iter(self.lines()), b""))
+            version = first["swarmer_trace"]
+            if version != FORMAT:
+                raise BadInput(
+                    "run", str(self.run), f"an event log of format {FORMAT}; this one's is {version}"
+                )
+            fids = first["fids"]
+            return Header(
+                str(first["shape"]), int(first["points"]), int(first["seed"]), str(first["swarmer"]),
+                None if fids is None else frozenset(map(int, fids)),
+            )  # fmt: skip
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            raise BadInput(
+                "run", str(self.run), f"an event log that can be read; its {self.path.name} is none"
+            ) from None
+
+    def lines(self) -> Iterator[bytes]:
+        """Every whole line, in order."""
+        rest = b""
+        for data in self._unpacked():
+            *whole, rest = (rest + data).split(b"\n")
+            yield from whole
+            if len(rest) > LONGEST:
+                self.cut = True
+                return
+        if rest:
+            self.cut = True
+
+    def _unpacked(self) -> Iterator[bytes]:
+        unzip = zlib.decompressobj(31)
+        with self.path.open("rb") as file:
+            try:
+                while not unzip.eof:
+                    packed = unzip.unconsumed_tail or file.read(CHUNK)
+                    if not packed:
+                        self.cut = True
+                        return
+                    yield unzip.decompress(packed, UNPACKED)
+            except zlib.error:
+                self.cut = True
+
+    def records(
+        self,
+        fids: frozenset[int] | None = None,
+        message: str = "",
+        from_s: float = 0.0,
+        to_s: float = float("inf"),
+    ) -> Iterator[Record]:
+        """Records of these FLSs, about this datagram, within these emulated seconds; what is none is passed over."""
+        any_of = "|".join(map(str, sorted(fids or ()))).encode()
+        who = None if fids is None else re.compile(rb'"fid": ?(?:%s),' % any_of)
+        needle = f'"{message}"'.encode() if message else b""
+        for line in self.lines():
+            if who is not None and not who.search(line, 0, HEAD):
+                continue
+            if needle and needle not in line:
+                continue
+            try:
+                record = json.loads(line)
+            except (ValueError, RecursionError):
+                continue
+            if not is_record(record):
+                continue  # the header, the end, or damaged
+            if record["t"] > to_s:
+                return
+            if record["t"] >= from_s:
+                yield record
+
+
+TEXT, NUMBER, STATE = "text", "number", "state"
+# What a record of each kind has at least, and what some have.
+NEEDED = {
+    "made": {"incarnation": NUMBER},
+    "handled": {"event": TEXT, "before": STATE},
+    "heard": {"message": TEXT, "kind": TEXT, "fate": TEXT},
+    "sent": {"message": TEXT, "kind": TEXT, "to": TEXT, "xi": TEXT},
+    "flew": {"cells": NUMBER, "until": NUMBER},
+    "ended": {"how": TEXT},
+}
+OPTIONAL = {
+    "after": STATE,
+    "cause": TEXT,
+    "xi": TEXT,
+    "why": TEXT,
+    "event": TEXT,
+    "kind": TEXT,
+    "copies": NUMBER,
+}
+SWARM = re.compile(r"[0-9]{1,10}(\.[0-9]{1,10})?")
+
+
+def is_record(record: object) -> bool:
+    """Whether it has what a record needs, so that whoever reads it need not ask."""
+    if not isinstance(record, dict) or record.get("is") not in NEEDED:
+        return False
+    if not _is(record.get("t"), NUMBER) or type(record.get("fid")) is not int:
+        return False
+    parts = NEEDED[record["is"]]
+    if not all(_is(record.get(name), kind) for name, kind in parts.items()):
+        return False
+    if not all(_is(record[name], kind) for name, kind in OPTIONAL.items() if name in record):
+        return False
+    if "xi" in record and not (
+        SWARM.fullmatch(record["xi"]) and (record["is"] != "handled" or "cause" in record)
+    ):
+        return False
+    judged = record.get("judged", [])
+    return isinstance(judged, list) and all(_is(name, TEXT) for name in judged)
+
+
+def _is(value: object, kind: str) -> bool:
+    if kind == TEXT:
+        return isinstance(value, str) and value.isprintable()
+    if kind == NUMBER:
+        return isinstance(value, (int, float)) and math.isfinite(value)
+    return (
+        isinstance(value, list)
+        and len(value) == 5
+        and _is(value[0], TEXT)
+        and isinstance(value[1], str)
+        and bool(SWARM.fullmatch(value[1]))
+        and all(_is(number, NUMBER) for number in value[2:])
+    )
