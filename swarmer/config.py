@@ -45,7 +45,11 @@ from swarmer.settings import (
 from swarmer.settings_file import flat_layers
 
 Word = Literal["auto"]
-NEED_EPOCHS = ("roster", "census", "corner")  # thaw policies: without epochs what is said of one counts in the next
+NEED_EPOCHS = (
+    "roster",
+    "census",
+    "corner",
+)  # thaw policies: without epochs what is said of one counts in the next
 OFTEN = 600_000  # ms: the longest pause that makes sense
 
 
@@ -236,7 +240,9 @@ def contradictions(config: RunConfig) -> list[str]:
             "accept_gap_ms: 0 is not allowed with challenge_on_available: true; milliseconds, more than 0"
         ]
     if config.thaw.policy in NEED_EPOCHS and not config.epochs:
-        return [f"epochs: false is not allowed with thaw.policy: {config.thaw.policy}; true, for late reports"]
+        return [
+            f"epochs: false is not allowed with thaw.policy: {config.thaw.policy}; true, for late reports"
+        ]
     if config.engine == "virtual" and config.time_scale != "auto":
         return [
             f"time_scale: {config.time_scale:g} is not for the engine virtual; auto, for it runs as fast as it can"

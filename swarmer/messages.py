@@ -118,7 +118,9 @@ class Message(NamedTuple):
     # ACK: the acceptor's swarm as it said; MERGE, FOLLOW_MERGE: the new swarm; THAW_ANNOUNCE: FID and incarnation of
     # the corner that began it; THAW_ABORT: the swarm that was announced.
     other: Swarm = NO_SWARM
-    vector: Vec3 = ZERO  # FOLLOW, FOLLOW_MERGE: V, display cells; COUNT: the length of the longest one flown, 0, 0
+    vector: Vec3 = (
+        ZERO  # FOLLOW, FOLLOW_MERGE: V, display cells; COUNT: the length of the longest one flown, 0, 0
+    )
 
 
 class Stamp(NamedTuple):

@@ -59,7 +59,7 @@ class ThawTally:
 
     def counters(self) -> dict[str, float]:
         """By their names in the summary; nobody is wrong where no policy claims to know anything."""
-        counts = {"thaws_at_one_swarm": self.at_one_swarm, "thaws_by_clock": self.by_clock}
+        counts: dict[str, float] = {"thaws_at_one_swarm": self.at_one_swarm, "thaws_by_clock": self.by_clock}
         return counts | ({"wrong_thaws": self.wrong} if self._knows else {})
 
 
@@ -79,12 +79,10 @@ class ThawWatch:
             return None
         rules = self._rules
         single = bool((sight.swarm == sight.swarm[0]).all())
-        overdue = sight.t_s - self._last_s >= rules.thaw_h_s
+        since_s = sight.t_s - self._last_s
+        overdue = since_s >= rules.thaw_h_s
         # The last thaw must have reached everybody, or the same single swarm would thaw twice.
-        if rules.epochs:
-            settled = int(sight.epoch.min()) >= self._epoch
-        else:
-            settled = sight.t_s - self._last_s > rules.lambda_s
+        settled = int(sight.epoch.min()) >= self._epoch if rules.epochs else since_s > rules.lambda_s
         if not (single and settled) and not overdue:
             return None
         self._last_s = sight.t_s

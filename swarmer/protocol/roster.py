@@ -1,11 +1,11 @@
 """The thaw policy `roster` (rule 11): whoever joins a swarm reports to its owner, and the owner asks for the last ones.
 
-Under the rule `lowest` Swarm-IDs only fall in an epoch, and none is below the lowest: who has joined the lowest owner's
-swarm stays in it. So nobody needs to know whether its neighbours are there, and the last report comes one datagram
-after the last merge. Reports get lost; the owner of at least half the display knows whom it misses, and asks them.
+Under the rule `lowest` Swarm-IDs only fall in an epoch, and none is below the lowest: who has joined the swarm of the
+lowest owner stays in it. So nobody needs to know whether its neighbours are there, and the last report comes one
+datagram after the last merge. Reports get lost; the owner of at least half the display knows whom it misses, and asks.
 
-Where Swarm-IDs can rise, members may leave: who does tells the owner that it leaves, too. That can be lost, and a failed
-FLS tells nobody. Then a thaw comes too early, which costs what the formation was still going to correct.
+Where Swarm-IDs can rise, a member may leave: then it tells the owner that it leaves, too. That can be lost, and who
+fails tells nobody. Then a thaw comes too early; what the formation had still to correct is left to the next one.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ ASKS_LEAST, ASKS_SHARE = 32, 8  # FLSs asked in a round: so many, or one in so m
 class Roster(Timer):
     """Reports on joining; thaws when all F have reported, unless the formation corrected nothing worth another one."""
 
-    __slots__ = ("_early", "_before", "_began_s", "_count", "_falls", "_inherits", "_rest", "_roll", "_soon")
+    __slots__ = ("_before", "_began_s", "_count", "_early", "_falls", "_inherits", "_rest", "_roll", "_soon")
 
     def __init__(self, count: int, h_s: float, spread: float, rest_below: float, falls: bool) -> None:
         """count: F. rest_below: cells. falls: Swarm-IDs only fall, but for newcomers'."""
@@ -99,7 +99,7 @@ class Roster(Timer):
         return longest < self._rest and not 0.0 < longest < before / 2
 
     def _hurry(self, me: Memory) -> None:
-        """The owner of half the display thaws by the clock as `timer` does: at rest, or if somebody is gone for good."""
+        """The owner of half the display has the clock of `timer`: for a rest, and for who is gone for good."""
         if not self._early:
             self._early = True
             delay_s = self._soon.delay_s(me.rng) or 0.0

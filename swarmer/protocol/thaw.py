@@ -29,7 +29,7 @@ class ThawPolicy(Protocol):
         """Landed or thawed: an epoch begins for this FLS, and what was remembered of another is void."""
 
     def joined(self, me: Memory, left: Swarm) -> None:
-        """It was in the swarm `left` and has taken another Swarm-ID; the vector, if it flies one, is in `me.longest`."""
+        """It was in the swarm `left` and has taken another Swarm-ID. If it flies for that, it has begun to."""
 
     def report_due(self, me: Memory) -> bool:
         """The timer REPORT is over. Thaw?"""
@@ -47,14 +47,11 @@ class ThawPolicy(Protocol):
         """THAW_ABORT."""
 
 
-class Never:
-    """No FLS thaws by itself: nobody does (`off`), or the engine that watches does (`centralized`)."""
+class Silent:
+    """What a policy is that neither reports nor listens."""
 
     __slots__ = ()
     tells = True
-
-    def delay_s(self, rng: Random) -> float | None:
-        return None
 
     def begins(self, me: Memory) -> None:
         pass
@@ -78,7 +75,7 @@ class Never:
         pass
 
 
-class Timer(Never):
+class Timer(Silent):
     """Uniform in [H, spread * H], drawn anew after every thaw (the paper, section 6: H = log2 F, spread 2)."""
 
     __slots__ = ("h_s", "spread")
@@ -88,3 +85,12 @@ class Timer(Never):
 
     def delay_s(self, rng: Random) -> float | None:
         return rng.uniform(self.h_s, self.spread * self.h_s)
+
+
+class Never(Silent):
+    """No FLS thaws by itself: nobody does (`off`), or the engine that watches does (`centralized`)."""
+
+    __slots__ = ()
+
+    def delay_s(self, rng: Random) -> float | None:
+        return None
