@@ -73,7 +73,7 @@ class Roster(Timer):
             if not me.is_armed(REPORT_TIMER):
                 me.arm(REPORT_TIMER, me.now + ASKS_EVERY * me.settings.lambda_s)
             return False
-        return not self._rests(roll.longest)
+        return not self._rests(max(roll.longest, me.longest))
 
     def report_due(self, me: Memory) -> bool:
         """Ask some of those who are missing."""
