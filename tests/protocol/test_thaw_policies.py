@@ -44,7 +44,9 @@ def flown(actions) -> float:
 # -- the clock behind each -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("policy", [roster(), Census(3, H_S, SPREAD), corner()], ids=["roster", "census", "corner"])
+@pytest.mark.parametrize(
+    "policy", [roster(), Census(3, H_S, SPREAD), corner()], ids=["roster", "census", "corner"]
+)
 def test_nobody_waits_for_messages_for_ever(policy):
     lone = given("A", thaws=policy)
     assert 4 * H_S <= lone.armed[Timer.THAW] <= 4 * SPREAD * H_S
