@@ -40,19 +40,22 @@ class ThawTally:
         self._epochs, self._knows = rules.epochs, rules.thaw_policy not in ("timer", "off")
         self._newest = -1  # the last epoch that a thaw has ended
         self.at_one_swarm = self.by_clock = self.wrong = 0
+        self.first_s: float | None = None  # when the first at one swarm began
 
-    def note(self, begins: ThawBegins, single: bool) -> None:
+    def note(self, t_s: float, begins: ThawBegins, single: bool) -> None:
         """An FLS begins a thaw. single: all lit FLSs were one swarm of that epoch. The same thaw counts once."""
         if self._epochs and begins.epoch <= self._newest:
             return
         self._newest = begins.epoch
-        self._add(begins.known, single)
+        self._add(t_s, begins.known, single)
 
-    def ordered(self, order: Order) -> None:
+    def ordered(self, t_s: float, order: Order) -> None:
         """The engine begins one, and sees whether there is one swarm."""
-        self._add(order.single, order.single)
+        self._add(t_s, order.single, order.single)
 
-    def _add(self, known: bool, single: bool) -> None:
+    def _add(self, t_s: float, known: bool, single: bool) -> None:
+        if single and self.first_s is None:
+            self.first_s = t_s
         self.at_one_swarm += single
         self.by_clock += not known
         self.wrong += known and not single
@@ -60,7 +63,9 @@ class ThawTally:
     def counters(self) -> dict[str, float]:
         """By their names in the summary; nobody is wrong where no policy claims to know anything."""
         counts: dict[str, float] = {"thaws_at_one_swarm": self.at_one_swarm, "thaws_by_clock": self.by_clock}
-        return counts | ({"wrong_thaws": self.wrong} if self._knows else {})
+        if self._knows:
+            counts["wrong_thaws"] = self.wrong
+        return counts
 
 
 class ThawWatch:

@@ -273,7 +273,8 @@ class _Run:
     def _thaw_begins(self, fls: VirtualFls, begins: ThawBegins) -> None:
         """Were all lit FLSs one swarm of the epoch that ends? `fls` itself is in the next one by now."""
         others = (other.machine for other in self.flss if other.lit and other is not fls)
-        self.begun.note(begins, all((m.swarm, m.epoch) == (begins.swarm, begins.epoch) for m in others))
+        single = all((m.swarm, m.epoch) == (begins.swarm, begins.epoch) for m in others)
+        self.begun.note(self.agenda.now, begins, single)
 
     def _look_at_thaws(self) -> None:
         """Begin a thaw if that is the engine's to do, or see that one has begun."""
@@ -288,7 +289,7 @@ class _Run:
             self.shared.counts[Count.THAWS_STARTED],
         )
         if order := self.thaws.order(sight):
-            self.begun.ordered(order)
+            self.begun.ordered(sight.t_s, order)
             message = Message(Kind.THAW, ENGINE_FID, 0, order.epoch, NO_SWARM, 0, ZERO, To.ALL)
             stamp = Stamp(RUN, next(self._numbers), ZERO, sight.t_s)
             self.air.transmit(message, stamp, self._latency_rng, None)
@@ -308,7 +309,11 @@ class _Run:
         if result.wall_s > 0:
             result.time_scale = result.emulated_s / result.wall_s
             result.faithful = True  # virtual time waits for whoever computes
-        result.extra = {"events": self.events, "trace_sha256": self.trace.sha256()}
+        result.extra = {
+            "events": self.events,
+            "trace_sha256": self.trace.sha256(),
+            "first_thaw_at_one_swarm_s": self.begun.first_s,  # between two samples
+        }
         for witness in self.witnesses:
             result.extra |= witness.summary()
 

@@ -67,23 +67,26 @@ def begins(epoch, known=True):
 
 def test_a_thaw_counts_once_and_by_how_it_stood_when_it_began():
     tally = ThawTally(rules(**{"thaw.policy": "corner"}))
-    tally.note(begins(0), single=True)
-    tally.note(begins(0), single=False)  # the others, a moment later
-    tally.note(begins(1), single=False)
-    tally.note(begins(2, known=False), single=False)
-    tally.note(begins(3, known=False), single=True)
+    tally.note(2.5, begins(0), single=True)
+    tally.note(2.5, begins(0), single=False)  # the others, a moment later
+    tally.note(2.5, begins(1), single=False)
+    tally.note(2.5, begins(2, known=False), single=False)
+    tally.note(2.5, begins(3, known=False), single=True)
     assert tally.counters() == {"thaws_at_one_swarm": 2, "thaws_by_clock": 2, "wrong_thaws": 1}
+    assert tally.first_s == 2.5
 
 
 def test_without_epochs_every_thaw_counts():
     tally = ThawTally(rules(epochs=False))
     for _ in range(3):
-        tally.note(begins(0, known=False), single=False)
+        tally.note(2.5, begins(0, known=False), single=False)
     assert tally.counters() == {"thaws_at_one_swarm": 0, "thaws_by_clock": 3}
+    assert tally.first_s is None
 
 
 def test_the_engines_own_thaws_are_by_what_it_sees_or_overdue():
     tally = ThawTally(rules(**{"thaw.policy": "centralized"}))
-    tally.ordered(Order(1, single=True))
-    tally.ordered(Order(2, single=False))
+    tally.ordered(1.5, Order(1, single=True))
+    tally.ordered(1.5, Order(2, single=False))
     assert tally.counters() == {"thaws_at_one_swarm": 1, "thaws_by_clock": 1, "wrong_thaws": 0}
+    assert tally.first_s == 1.5

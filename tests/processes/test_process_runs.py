@@ -166,10 +166,10 @@ def test_centralized_thaws_at_one_swarm(tmp_path):
 def test_the_flss_find_one_swarm_by_themselves(tmp_path, policy):
     """By the clock there would be no thaw before second 16."""
     rules = (f"thaw.policy={policy}", "thaw.rest_below_cells=0")
-    summary = small(tmp_path, *(word for rule in rules for word in ("--set", rule)), duration=9)
-    assert summary["thaws"] >= 2
-    assert summary["thawed_flss"] >= 2 * summary["points"] - 1
-    assert summary["hd_cells"] < 0.1
+    summary = small(tmp_path, *(word for rule in rules for word in ("--set", rule)), duration=6)
+    assert summary["thaws"] >= 1
+    assert summary["thawed_flss"] >= summary["points"] - 1
+    assert summary["hd_cells"] < 0.5
     assert summary["wrong_thaws"] is None, "nobody knows what was true at that moment"
 
 
