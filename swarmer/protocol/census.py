@@ -43,7 +43,7 @@ class Census(Timer):
         return len(self._roll) == self._count
 
     def counted(self, me: Memory, message: Message) -> bool:
-        if not owns(me) or message.swarm != me.swarm:
+        if not owns(me):
             return False
         self._roll.hear(message)
         return len(self._roll) == self._count

@@ -9,6 +9,7 @@ from swarmer.messages import Kind, Swarm
 from swarmer.protocol.census import Census
 from swarmer.protocol.corner import Corner
 from swarmer.protocol.events import Count, Send, ThawBegins, Timer
+from swarmer.protocol.reports import Roll
 from swarmer.protocol.roster import Roster
 
 H_S, SPREAD, REST = 10.0, 2.0, 0.01
@@ -144,6 +145,17 @@ def test_an_older_incarnation_does_not_take_the_place_of_a_newer_one():
     steps(lone, "COUNT 9 flew 1")
     hear(lone, lone.message("COUNT 3 same flew 1"))
     assert thawed(lone)
+
+
+def test_a_late_report_of_a_predecessor_changes_nothing():
+    roll, lone = Roll(), given("A")
+    roll.begin(Swarm(5, 0))
+    message = lone.message("COUNT 8 flew 1")
+    roll.hear(message._replace(incarnation=1))
+    roll.hear(message._replace(vector=(7.0, 0.0, 0.0)))
+    assert (len(roll), roll.longest) == (1, 1.0)
+    roll.hear(message._replace(incarnation=2, vector=(3.0, 0.0, 0.0)))
+    assert (len(roll), roll.longest) == (1, 3.0)
 
 
 def test_who_leaves_is_struck_off():
@@ -363,6 +375,24 @@ def test_copies_grow_old():
     lone = given("A", thaws=corner(count=10**9))
     steps(lone, "THAW_ANNOUNCE 8 of 3", "THAW_ANNOUNCE 9 of 3", "later 2.1", "THAW_ANNOUNCE 8 of 3")
     assert not thawed(lone)
+
+
+@pytest.mark.parametrize("between", ["MERGE 8 to 4", "THAW 7 epoch 1"])
+def test_copies_are_of_one_swarm_of_one_epoch(between):
+    lone = given("A", thaws=corner(count=10**9))
+    steps(lone, "THAW_ANNOUNCE 8 of 3", "THAW_ANNOUNCE 9 of 3", between)
+    epoch = lone.m.epoch
+    steps(lone, "THAW_ANNOUNCE 8 of 3", "THAW_ANNOUNCE 9 of 3")
+    assert lone.m.epoch == epoch
+    steps(lone, "THAW_ANNOUNCE 8 of 9")
+    assert lone.m.epoch == epoch + 1
+
+
+def test_after_a_thaw_a_corner_waits_as_after_its_landing():
+    lone = given("A", thaws=corner(is_one=True))
+    steps(lone, *HEAD_START, "report", "THAW 7 epoch 1", *HEAD_START)
+    assert steps(lone, "report") == [], "R-Complete again, but not for long"
+    assert steps(lone, "report") == ["THAW_ANNOUNCE all"]
 
 
 def test_an_abort_discards_the_copies():
