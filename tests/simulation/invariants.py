@@ -373,7 +373,8 @@ def s12_ids(watch: Watch, step: Step) -> str | None:
         return f"handles incarnation {message.incarnation} of {message.sender} after {newest}"
     watch.newest[m, message.sender] = message.incarnation
     effect = m.state is not step.was.state or any(sent.kind != Kind.THAW for sent in step.sent)
-    return "an old epoch has an effect" if m.settings.epochs and message.epoch < m.epoch and effect else None
+    old = m.settings.epochs and message.epoch < step.was.epoch
+    return "an old epoch has an effect" if old and effect else None
 
 
 def s16_always(watch: Watch, step: Step) -> str | None:
