@@ -16,7 +16,8 @@ SHORT = {
 }  # fmt: skip
 LOCAL_WORDS = {
     Local.CHALLENGE_DUE: "challenge due", Local.BOUND_OVER: "bound over", Local.LEASE_OVER: "lease over",
-    Local.RENEW_DUE: "renew due", Local.THAW_DUE: "thaw due", Local.LAUNCH: "launch", Local.LANDED: "landed",
+    Local.RENEW_DUE: "renew due", Local.THAW_DUE: "thaw due", Local.REPORT_DUE: "report due",
+    Local.LAUNCH: "launch", Local.LANDED: "landed",
     Local.MEASURED: "measured", Local.BATTERY_LOW: "battery low",
 }  # fmt: skip
 
@@ -54,6 +55,12 @@ WORDS: dict[str, tuple[str, str]] = {
     "rearm_thaw": ("11", "Not lit yet: try again later."),
     "hear_thaw": ("11, 12", "Without epochs: thaw at most once per λ, and repeat it by chance."),
     "hear_leave": ("13", "Forget what the sender's Swarm-ID was."),
+    "hear_count": ("11", "`roster`, `census`: the sender is in this FLS's swarm, or leaves it. All are there: thaw."),
+    "hear_roll_call": ("11", "`roster`: report again, if the owner of the own swarm asks."),
+    "hear_announcement": ("11", "`corner`: another swarm objects; the same one repeats it by chance, and thaws at 3 "
+                          "copies."),
+    "hear_abort": ("11", "`corner`: forget the copies; a corner tries again later."),
+    "report_due": ("11", "By the policy's clock: `roster` asks the missing, `census` reports, a `corner` announces."),
     "leave": ("13", "On the ground: tell the neighbours, free who waits, go."),
 }  # fmt: skip
 

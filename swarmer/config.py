@@ -45,6 +45,11 @@ from swarmer.settings import (
 from swarmer.settings_file import flat_layers
 
 Word = Literal["auto"]
+NEED_EPOCHS = (
+    "roster",
+    "census",
+    "corner",
+)  # thaw policies: without epochs what is said of one counts in the next
 OFTEN = 600_000  # ms: the longest pause that makes sense
 
 
@@ -172,6 +177,12 @@ class RunConfig(Group):
         return math.log2(max(count, 2)) if self.thaw.h_s is None else self.thaw.h_s
 
     @property
+    def rest_below_cells(self) -> float:
+        """Below which longest flight of a formation the policy `roster` lets the display rest."""
+        rest = self.thaw.rest_below_cells
+        return 10 * self.flight_threshold_cells if rest is None else rest
+
+    @property
     def waiting_bound(self) -> float:
         """After how many milliseconds a Waiting FLS that hears nothing is Available again."""
         if self.waiting_bound_ms is not None:
@@ -227,6 +238,10 @@ def contradictions(config: RunConfig) -> list[str]:
         # Two FLSs would challenge, accept and cancel without end, as fast as they can.
         return [
             "accept_gap_ms: 0 is not allowed with challenge_on_available: true; milliseconds, more than 0"
+        ]
+    if config.thaw.policy in NEED_EPOCHS and not config.epochs:
+        return [
+            f"epochs: false is not allowed with thaw.policy: {config.thaw.policy}; true, for late reports"
         ]
     if config.engine == "virtual" and config.time_scale != "auto":
         return [

@@ -34,10 +34,10 @@ class Range(Group):
 class Thaw(Group):
     """When swarms dissolve to localize anew."""
 
-    policy: Literal["timer", "centralized", "off"] = choice(
+    policy: Literal["timer", "roster", "census", "corner", "centralized", "off"] = choice(
         "timer",
-        later=("census", "corner"),
-        help="who says when: a timer in each FLS, the engine that sees one swarm, or nobody",
+        "who says when: a timer in each FLS; the owner of the swarm that all have joined (roster), or in which all "
+        "are R-Complete (census); FLSs far from the centre (corner); the engine that sees one swarm; nobody",
     )
     h_s: float | None = number(
         None,
@@ -50,6 +50,14 @@ class Thaw(Group):
     )
     spread: float = number(2, "", 1, 100, "the timer is uniform between H and this times H")
     repeat: float = number(0, "p", 0, 1, "an FLS repeats a THAW that it heard")
+    rest_below_cells: float | None = number(
+        None,
+        "cells",
+        0,
+        FAR,
+        "roster: leave it to the timer once a formation moves nobody this far, and half as far as the one before",
+        none="10 flight_threshold_cells",
+    )
 
 
 class Radio(Group):

@@ -70,9 +70,10 @@ _FLIGHTS, _SEND_FAILED, _WOKEN = Wire.FLIGHTS, Wire.SEND_FAILED, Wire.WOKEN
 _WAIT, _GO, _STOP = Phase
 
 # Lower goes first: control and thaw, then what a whole swarm waits for, then the rest.
-_FIRST = {Kind.THAW}
+_FIRST = {Kind.THAW, Kind.THAW_ANNOUNCE, Kind.THAW_ABORT}
 _SECOND = {
-    Kind.SET_WAITING, Kind.SET_AVAILABLE, Kind.FOLLOW, Kind.MERGE, Kind.FOLLOW_MERGE, Kind.CHALLENGE_FIN,
+    Kind.SET_WAITING, Kind.SET_AVAILABLE, Kind.FOLLOW, Kind.MERGE, Kind.FOLLOW_MERGE, Kind.CHALLENGE_FIN, Kind.COUNT,
+    Kind.ROLL_CALL,
 }  # fmt: skip
 PRIORITY = tuple(0 if n in _FIRST else 1 if n in _SECOND else 2 for n in range(max(Kind) + 1))
 

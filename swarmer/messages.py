@@ -24,7 +24,7 @@ ZERO: Vec3 = (0.0, 0.0, 0.0)
 
 
 class Kind(IntEnum):
-    """What a datagram says. The first eleven are the paper's, THAW too; the rest is ours."""
+    """What a datagram says. The first eleven are the paper's, THAW too; the rest is ours (or the paper's idea)."""
 
     CHALLENGE_INIT = 1
     CHALLENGE_ACCEPT = 2
@@ -41,6 +41,10 @@ class Kind(IntEnum):
     NEIGHBOUR = 13
     LEAVE = 14
     CONTROL = 15  # from the engine (FID 0): look at the control page
+    COUNT = 16  # to the owner of the sender's swarm: I am in it
+    ROLL_CALL = 17  # from the owner: are you in my swarm?
+    THAW_ANNOUNCE = 18  # a corner believes that there is one swarm, and those who agree repeat it
+    THAW_ABORT = 19  # there is another swarm
 
 
 # The same as plain numbers, as `decode` gives them: these stand in the hottest lines, where an attribute of an enum
@@ -60,6 +64,10 @@ THAW = int(Kind.THAW)
 NEIGHBOUR = int(Kind.NEIGHBOUR)
 LEAVE = int(Kind.LEAVE)
 CONTROL = int(Kind.CONTROL)
+COUNT = int(Kind.COUNT)
+ROLL_CALL = int(Kind.ROLL_CALL)
+THAW_ANNOUNCE = int(Kind.THAW_ANNOUNCE)
+THAW_ABORT = int(Kind.THAW_ABORT)
 
 
 class To(IntEnum):
@@ -107,8 +115,12 @@ class Message(NamedTuple):
     flags: int = 0
     challenge: int = 0  # id of the challenge this belongs to
     range: float = LARGEST  # display cells
-    other: Swarm = NO_SWARM  # ACK: the acceptor's swarm as it said; MERGE, FOLLOW_MERGE: the new swarm
-    vector: Vec3 = ZERO  # FOLLOW, FOLLOW_MERGE: V, display cells
+    # ACK: the acceptor's swarm as it said; MERGE, FOLLOW_MERGE: the new swarm; THAW_ANNOUNCE: FID and incarnation of
+    # the corner that began it; THAW_ABORT: the swarm that was announced.
+    other: Swarm = NO_SWARM
+    vector: Vec3 = (
+        ZERO  # FOLLOW, FOLLOW_MERGE: V, display cells; COUNT: the length of the longest one flown, 0, 0
+    )
 
 
 class Stamp(NamedTuple):
@@ -153,6 +165,7 @@ OFFSET = {
     "reach2": 62,
 }
 _KINDS = frozenset(int(kind) for kind in Kind)
+_NAMING = frozenset((MERGE, FOLLOW_MERGE, THAW_ANNOUNCE, THAW_ABORT))  # these say nothing without `other`
 
 
 def encode(message: Message, stamp: Stamp, key: bytes = b"") -> bytes:
@@ -189,7 +202,7 @@ def decode(data: bytes | bytearray | memoryview, key: bytes = b"") -> tuple[Mess
         raise BadDatagram("address")
     if (sender == ENGINE_FID) != (kind == CONTROL) and not (sender == ENGINE_FID and kind in FROM_ENGINE):
         raise BadDatagram("sender")
-    if (sender != ENGINE_FID and xi == 0) or (other == 0 and kind in (MERGE, FOLLOW_MERGE)):
+    if (sender != ENGINE_FID and xi == 0) or (other == 0 and kind in _NAMING):
         raise BadDatagram("swarm")
     if flags & ~ALL_FLAGS:
         raise BadDatagram("flags")

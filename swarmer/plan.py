@@ -18,10 +18,13 @@ from swarmer.physics.flight import Velocity
 from swarmer.physics.sensing import MODELS as SENSOR_MODELS
 from swarmer.physics.sensing import Sensor
 from swarmer.plugins import ENTRY_POINTS, Localizer
-from swarmer.protocol import thaw
 from swarmer.protocol.anchor_selection import STRATEGIES
+from swarmer.protocol.census import Census
 from swarmer.protocol.challenge_policy import ChallengePolicy, Decay, RComplete
+from swarmer.protocol.corner import CORNERS, CORNERS_2D, Corner
 from swarmer.protocol.records import Counters
+from swarmer.protocol.roster import Roster
+from swarmer.protocol.thaw import Never, ThawPolicy, Timer
 from swarmer.radio import EndRules
 from swarmer.state_machine import Identity, MachineSettings, StateMachine
 
@@ -62,6 +65,8 @@ class Rules(NamedTuple):
     thaw_h_s: float
     thaw_spread: float
     thaw_repeat: float
+    thaw_rest: float  # cells
+    thaw_corners: tuple[int, ...]  # FIDs, for the policy that has any
     dead_reckoning: str
     velocity: tuple[float, float, float]
     sensing_model: str
@@ -108,9 +113,19 @@ def make_plan(config: RunConfig) -> Plan:
     config = config.model_copy(update={"shape": place_of(config.shape)})
     neighbours = neighbour_plan(cloud.points, config.eta, config.neighbours)
     diagonal = math.dist((0.0, 0.0, 0.0), cloud.box_cells)
-    return Plan(
-        config, cloud, neighbours, make_rules(config, len(cloud), cloud.dim, diagonal, technique), diagonal
-    )
+    rules = make_rules(config, len(cloud), cloud.dim, diagonal, technique)
+    if config.thaw.policy == "corner":
+        rules = rules._replace(thaw_corners=corners(cloud))
+    return Plan(config, cloud, neighbours, rules, diagonal)
+
+
+def corners(cloud: PointCloud) -> tuple[int, ...]:
+    """FIDs of the points farthest from the centroid: 8, in a flat cloud 4, or all; of equal ones the lower FIDs."""
+    import numpy as np
+
+    far = ((cloud.points - cloud.points.mean(axis=0)) ** 2).sum(axis=1)
+    most = CORNERS_2D if cloud.dim == 2 else CORNERS
+    return tuple(sorted((np.argsort(-far, kind="stable")[:most] + 1).tolist()))
 
 
 def find_technique(name: str) -> str:
@@ -159,6 +174,8 @@ def make_rules(config: RunConfig, count: int, dim: int, diagonal: float, techniq
         thaw_h_s=c.thaw_h_s(count),
         thaw_spread=c.thaw.spread,
         thaw_repeat=c.thaw.repeat,
+        thaw_rest=c.rest_below_cells,
+        thaw_corners=(),
         dead_reckoning=c.flight.dead_reckoning,
         velocity=(c.flight.speed_m_s / cell, c.flight.acceleration_m_s2 / cell, c.flight.braking_m_s2 / cell),
         sensing_model=c.sensing.model,
@@ -218,8 +235,22 @@ def make_machine(
         if rules.challenge_policy == "decay"
         else RComplete(rules.probe_every, identity.fid)
     )
-    thaws = thaw.Timer(rules.thaw_h_s, rules.thaw_spread) if rules.thaw_policy == "timer" else thaw.Never()
+    thaws = make_thaw_policy(rules, identity.fid)
     return StateMachine(identity, neighbours, settings, challenges, thaws, rng, counts, epoch)
+
+
+def make_thaw_policy(rules: Rules, fid: int) -> ThawPolicy:
+    """What one FLS does for the thaws of the display."""
+    count, h_s, spread = rules.count, rules.thaw_h_s, rules.thaw_spread
+    if rules.thaw_policy == "timer":
+        return Timer(h_s, spread)
+    if rules.thaw_policy == "roster":
+        return Roster(count, h_s, spread, rules.thaw_rest, falls=rules.anchor == "lowest")
+    if rules.thaw_policy == "census":
+        return Census(count, h_s, spread)
+    if rules.thaw_policy == "corner":
+        return Corner(count, h_s, spread, fid in rules.thaw_corners)
+    return Never()
 
 
 def make_localizer(technique: str) -> Localizer:

@@ -62,7 +62,19 @@ from swarmer.protocol.pairing import (
     take_more,
 )
 from swarmer.protocol.records import BA, BL, A, D, Identity, MachineSettings, ProtocolBug, State, W
-from swarmer.protocol.thawing import hear_leave, hear_thaw, leave, meet_epoch, rearm_thaw, thaw_due
+from swarmer.protocol.thawing import (
+    hear_abort,
+    hear_announcement,
+    hear_count,
+    hear_leave,
+    hear_roll_call,
+    hear_thaw,
+    leave,
+    meet_epoch,
+    rearm_thaw,
+    report_due,
+    thaw_due,
+)
 
 __all__ = ["TABLE", "Identity", "MachineSettings", "ProtocolBug", "Rule", "State", "StateMachine"]
 
@@ -100,8 +112,13 @@ TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
         Kind.LEASE_CANCEL: _rule(forget_accept, A),
         Kind.THAW: _rule(hear_thaw, A),
         Kind.LEAVE: _rule(hear_leave, A),
+        Kind.COUNT: _rule(hear_count, A),
+        Kind.ROLL_CALL: _rule(hear_roll_call, A),
+        Kind.THAW_ANNOUNCE: _rule(hear_announcement, A),
+        Kind.THAW_ABORT: _rule(hear_abort, A),
         Local.CHALLENGE_DUE: _rule(challenge_due, A),
         Local.THAW_DUE: _rule(thaw_due, A),
+        Local.REPORT_DUE: _rule(report_due, A),
         Local.BATTERY_LOW: _rule(leave, A),
     },
     BA: {
@@ -114,9 +131,14 @@ TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
         Kind.LEASE_CANCEL: _rule(cancel_lease, BA, A),
         Kind.THAW: _rule(hear_thaw, BA, A),
         Kind.LEAVE: _rule(hear_leave, BA),
+        Kind.COUNT: _rule(hear_count, BA, A),
+        Kind.ROLL_CALL: _rule(hear_roll_call, BA),
+        Kind.THAW_ANNOUNCE: _rule(hear_announcement, BA, A),
+        Kind.THAW_ABORT: _rule(hear_abort, BA),
         Local.CHALLENGE_DUE: _rule(skip_tick, BA),
         Local.LEASE_OVER: _rule(lease_over, BA, A),
         Local.THAW_DUE: _rule(thaw_due, A),
+        Local.REPORT_DUE: _rule(report_due, BA, A),
         Local.BATTERY_LOW: _rule(leave, BA),
     },
     BL: {
@@ -127,11 +149,16 @@ TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
         Kind.LEASE_CANCEL: _rule(cancelled, BL, A),
         Kind.THAW: _rule(hear_thaw, BL, A, W),
         Kind.LEAVE: _rule(hear_leave, BL),
+        Kind.COUNT: _rule(hear_count, BL, A, W),
+        Kind.ROLL_CALL: _rule(hear_roll_call, BL),
+        Kind.THAW_ANNOUNCE: _rule(hear_announcement, BL, A, W),
+        Kind.THAW_ABORT: _rule(hear_abort, BL),
         Local.MEASURED: _rule(localize, BL, A),
         Local.LANDED: _rule(finish, A),
         Local.RENEW_DUE: _rule(renew_lease, BL),
         Local.CHALLENGE_DUE: _rule(skip_tick, BL),
         Local.THAW_DUE: _rule(thaw_due, A, W),
+        Local.REPORT_DUE: _rule(report_due, BL, A, W),
         Local.BATTERY_LOW: _rule(leave, BL),
     },
     W: {
@@ -146,10 +173,15 @@ TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
         Kind.LEASE_RENEW: _rule(refuse, W),
         Kind.THAW: _rule(hear_thaw, W, A),
         Kind.LEAVE: _rule(hear_leave, W),
+        Kind.COUNT: _rule(hear_count, W, A),
+        Kind.ROLL_CALL: _rule(hear_roll_call, W),
+        Kind.THAW_ANNOUNCE: _rule(hear_announcement, W, A),
+        Kind.THAW_ABORT: _rule(hear_abort, W),
         Local.CHALLENGE_DUE: _rule(skip_tick, W, A),
         Local.BOUND_OVER: _rule(bound_over, A),
         Local.LANDED: _rule(follower_landed, A),
         Local.THAW_DUE: _rule(thaw_due, W, A),
+        Local.REPORT_DUE: _rule(report_due, W, A),
         Local.BATTERY_LOW: _rule(leave, W),
     },
 }

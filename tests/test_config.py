@@ -272,6 +272,22 @@ def test_what_follows_from_the_defaults():
     assert "range.start_cells" in str(refused(range={"start_cells": 9, "max_cells": 5}))
 
 
+@pytest.mark.parametrize("policy", ["roster", "census", "corner"])
+def test_a_policy_that_counts_reports_needs_epochs(policy):
+    line = str(refused(epochs=False, thaw={"policy": policy}))
+    assert "\n" not in line
+    assert "epochs" in line
+    assert policy in line
+    assert load_config(thaw={"policy": policy}).epochs
+    assert not load_config("paper").epochs
+
+
+def test_what_counts_as_rest_follows_from_what_is_flown_at_all():
+    assert load_config().rest_below_cells == pytest.approx(0.01)
+    assert load_config(flight_threshold_cells=0.1).rest_below_cells == pytest.approx(1.0)
+    assert load_config(thaw={"rest_below_cells": 0}).rest_below_cells == 0
+
+
 def test_accepting_without_a_gap_and_challenging_at_once_would_flood():
     line = str(refused(challenge_on_available=True))
     assert "accept_gap_ms" in line

@@ -224,7 +224,7 @@ def test_fid_0_is_the_engine_and_says_no_more_than_it_may(kind):
 def test_nobody_is_in_swarm_0_or_sent_there():
     message, stamp = EXAMPLE
     assert reason(encode(message._replace(swarm=Swarm(0, 0)), stamp)) == "swarm"
-    for kind in (Kind.MERGE, Kind.FOLLOW_MERGE):
+    for kind in (Kind.MERGE, Kind.FOLLOW_MERGE, Kind.THAW_ANNOUNCE, Kind.THAW_ABORT):
         assert reason(encode(message._replace(kind=kind, other=Swarm(0, 0)), stamp)) == "swarm"
     assert decode(encode(message._replace(kind=Kind.FOLLOW, other=Swarm(0, 0)), stamp))
 

@@ -246,6 +246,10 @@ NORMATIVE = {  # the spec's table: in which states an event has a rule
     Kind.LEASE_CANCEL: {BA, BL, A},
     Kind.THAW: {A, BA, BL, W},  # D adopts the epoch before the table
     Kind.LEAVE: {A, BA, BL, W},
+    Kind.COUNT: {A, BA, BL, W},
+    Kind.ROLL_CALL: {A, BA, BL, W},
+    Kind.THAW_ANNOUNCE: {A, BA, BL, W},
+    Kind.THAW_ABORT: {A, BA, BL, W},
     Local.LAUNCH: {D},
     Local.MEASURED: {BL},
     Local.LANDED: {D, BL, W},
@@ -254,6 +258,7 @@ NORMATIVE = {  # the spec's table: in which states an event has a rule
     Local.LEASE_OVER: {BA},
     Local.RENEW_DUE: {BL},
     Local.THAW_DUE: {D, A, BA, BL, W},
+    Local.REPORT_DUE: {A, BA, BL, W},
     Local.BATTERY_LOW: {D, A, BA, BL, W},
 }
 

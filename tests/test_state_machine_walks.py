@@ -8,7 +8,9 @@ from lone import KINDS, NEIGHBOURS, settings
 
 from swarmer.messages import ALL_FLAGS, JOIN, SWARM_KINDS, Kind, Message, Swarm, To
 from swarmer.protocol.anchor_selection import STRATEGIES
+from swarmer.protocol.census import Census
 from swarmer.protocol.challenge_policy import Decay, RComplete
+from swarmer.protocol.corner import Corner
 from swarmer.protocol.events import (
     Arm,
     BatteryLow,
@@ -26,6 +28,7 @@ from swarmer.protocol.events import (
     Send,
     Timer,
 )  # fmt: skip
+from swarmer.protocol.roster import Roster
 from swarmer.protocol.thaw import Timer as ThawTimer
 from swarmer.state_machine import TABLE, Identity, State, StateMachine
 
@@ -65,17 +68,31 @@ OFTEN = [kind for kind in Kind if kind not in (Kind.CONTROL, Kind.THAW, Kind.LEA
 ]
 
 
+def thaws(seed: int, rules: dict):
+    """A thaw policy; those with reports in a display so small that a walk may come across its thaws."""
+    if not rules.get("epochs", True):
+        return ThawTimer(0.5, 8.0)
+    few = 1 + seed // 4 % 3
+    return (
+        ThawTimer(0.5, 8.0),
+        Roster(1 + few, 0.5, 8.0, 0.5 * few, falls=few > 1),
+        Census(few, 0.5, 8.0),
+        Corner(few, 0.5, 8.0, corner=True),
+    )[seed % 4]
+
+
 class Walk:
     """One life: draws events that a right engine may feed, and checks after each."""
 
     def __init__(self, seed: int, rules: dict, steps: set) -> None:
         self.rng = Random(f"walk {seed}")
         incarnation = self.rng.choice([0, 0, 1])
+        self.agreeing = 0.8 if seed % 4 > 1 else 0.1
         self.landings = self.rng.choice([0.05, 0.4])  # long flights, short flights
         policy = Decay(1.25) if seed % 3 == 0 else RComplete(8)
         self.m = Watched(
             Identity(5, incarnation, (1.0, 1.0, 1.0)), NEIGHBOURS, settings(**rules), policy,
-            ThawTimer(0.5, 8.0), Random(seed),
+            thaws(seed, rules), Random(seed),
         )  # fmt: skip
         self.m.steps = steps
         self.now = 0.0
@@ -147,6 +164,10 @@ class Walk:
         elif kind == Kind.LEASE_CANCEL and sender in m.leases:
             challenge = min(m.leases._challenges[sender])
         swarm = rng.choice([Swarm(sender, rng.choice([0, 0, 0, 1])), Swarm(sender, 0), m.swarm])
+        if sender in NEIGHBOURS and rng.random() < self.agreeing:
+            swarm = m.swarm  # so that the FLS is R-Complete now and then
+        elif m.incarnation and rng.random() < 0.1:
+            swarm = Swarm(5, 0)  # its predecessor's, which it may inherit
         epoch = m.epoch + (
             rng.choice([-1, 1]) if m.settings.epochs and m.epoch and rng.random() < 0.02 else 0
         )
@@ -236,7 +257,9 @@ class Walk:
             assert m.reach == m.settings.range_start
         # S16: what is said is finite, and about oneself.
         for message in sent:
-            assert (message.sender, message.incarnation, message.epoch) == (5, m.incarnation, m.epoch)
+            last_words = message.kind == Kind.THAW_ANNOUNCE  # its own copy may be the one that makes it thaw
+            assert message.epoch == m.epoch or (last_words and message.epoch == epoch)
+            assert (message.sender, message.incarnation) == (5, m.incarnation)
             assert all(map(math.isfinite, (*message.vector, message.range)))
             assert 1 <= message.size < 2**32
             assert message.to != To.FLS or message.addressee.xi not in (0, 5)

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from swarmer.plan import Rules
+    from swarmer.protocol.events import ThawBegins
 
 
 class Sight(NamedTuple):
@@ -25,11 +26,50 @@ class Order(NamedTuple):
     """A thaw that the engine must begin."""
 
     epoch: int
-    why: str
+    single: bool  # there is one swarm; else it is overdue
+
+    @property
+    def why(self) -> str:
+        return "one swarm" if self.single else "overdue"
+
+
+class ThawTally:
+    """How the thaws of a run began, for an engine that knows what was true at that moment."""
+
+    def __init__(self, rules: Rules) -> None:
+        self._epochs, self._knows = rules.epochs, rules.thaw_policy not in ("timer", "off")
+        self._newest = -1  # the last epoch that a thaw has ended
+        self.at_one_swarm = self.by_clock = self.wrong = 0
+        self.first_s: float | None = None  # when the first at one swarm began
+
+    def note(self, t_s: float, begins: ThawBegins, single: bool) -> None:
+        """An FLS begins a thaw. single: all lit FLSs were one swarm of that epoch. The same thaw counts once."""
+        if self._epochs and begins.epoch <= self._newest:
+            return
+        self._newest = begins.epoch
+        self._add(t_s, begins.known, single)
+
+    def ordered(self, t_s: float, order: Order) -> None:
+        """The engine begins one, and sees whether there is one swarm."""
+        self._add(t_s, order.single, order.single)
+
+    def _add(self, t_s: float, known: bool, single: bool) -> None:
+        if single and self.first_s is None:
+            self.first_s = t_s
+        self.at_one_swarm += single
+        self.by_clock += not known
+        self.wrong += known and not single
+
+    def counters(self) -> dict[str, float]:
+        """By their names in the summary; nobody is wrong where no policy claims to know anything."""
+        counts: dict[str, float] = {"thaws_at_one_swarm": self.at_one_swarm, "thaws_by_clock": self.by_clock}
+        if self._knows:
+            counts["wrong_thaws"] = self.wrong
+        return counts
 
 
 class ThawWatch:
-    """Looks at every sample of a run; `seen` counts its thaws."""
+    """Looks at every sample of a run, or oftener; `seen` counts its thaws."""
 
     def __init__(self, rules: Rules) -> None:
         self.seen = 0
@@ -44,16 +84,17 @@ class ThawWatch:
             return None
         rules = self._rules
         single = bool((sight.swarm == sight.swarm[0]).all())
-        overdue = sight.t_s - self._last_s >= rules.thaw_h_s
+        since_s = sight.t_s - self._last_s
+        overdue = since_s >= rules.thaw_h_s
         # The last thaw must have reached everybody, or the same single swarm would thaw twice.
-        settled = not rules.epochs or int(sight.epoch.min()) >= self._epoch
-        if not (single and settled and sight.t_s - self._last_s > rules.lambda_s) and not overdue:
+        settled = int(sight.epoch.min()) >= self._epoch if rules.epochs else since_s > rules.lambda_s
+        if not (single and settled) and not overdue:
             return None
         self._last_s = sight.t_s
         if rules.epochs:
             self._epoch = int(sight.epoch.max()) + 1
         self.seen += 1
-        return Order(self._epoch, "one swarm" if single else "overdue")
+        return Order(self._epoch, single)
 
     def begun(self, sight: Sight) -> int | None:
         """The number of the newest thaw that FLSs began, if that is news."""

@@ -22,7 +22,7 @@ import numpy as np
 from swarmer.engines.reading import NAMES
 from swarmer.engines.result import Event, Lateness, Live, Observer, RunResult, Snapshot, Witness
 from swarmer.engines.specs import fls_rows, fls_spec
-from swarmer.engines.thaws import Sight, ThawWatch
+from swarmer.engines.thaws import Sight, ThawTally, ThawWatch
 from swarmer.engines.virtual_fls import FAILED, Shared, VirtualFls
 from swarmer.engines.virtual_queue import BusyFls
 from swarmer.engines.virtual_radio import RUN, Air
@@ -32,7 +32,7 @@ from swarmer.errors import RunFailed
 from swarmer.fls_process import LANDING
 from swarmer.messages import ENGINE_FID, MAX_SIZE, NO_SWARM, SIZE, ZERO, Kind, Message, Stamp, To
 from swarmer.metrics.lateness import BUCKETS, percentiles
-from swarmer.protocol.events import Count
+from swarmer.protocol.events import Count, ThawBegins
 from swarmer.streams import stream
 from swarmer.telemetry import COUNTERS, Wire
 
@@ -76,12 +76,14 @@ class _Run:
         latency_s = (virtual.latency_min_ms / 1e3, virtual.latency_max_ms / 1e3)
         self.air = Air(self.agenda, latency_s, plan.cloud.points, plan.rules.range_estimated)
         self.shared = Shared(
-            plan.config.seed, plan.rules, self.agenda, self.air, self._ended, virtual.handling_ms / 1e3,
-            [0] * COUNTERS, [0] * BUCKETS, [0] * BUCKETS, witness_of(witnesses),
+            plan.config.seed, plan.rules, self.agenda, self.air, self._ended, self._thaw_begins,
+            virtual.handling_ms / 1e3, [0] * COUNTERS, [0] * BUCKETS, [0] * BUCKETS, witness_of(witnesses),
         )  # fmt: skip
         self.witnesses = witnesses
         self.flss: list[VirtualFls] = []  # row i is FID i + 1, also when it has failed
-        self.thaws = ThawWatch(plan.rules)
+        self.thaws, self.begun = ThawWatch(plan.rules), ThawTally(plan.rules)
+        if plan.rules.thaw_policy == "centralized":
+            self.air.on_single = self._look_at_thaws
         self.events = 0
         self.ends = {"failed": 0, "departed": 0, "replaced": 0}
         self.stopping = False
@@ -224,7 +226,7 @@ class _Run:
         now, config = self.agenda.now, self.config
         self.result.emulated_s = now
         snapshot = self._snapshot(now)
-        self._watch_thaws(snapshot)
+        self._look_at_thaws()
         if self.observer.sample(snapshot) or now >= config.duration_s:
             self.stopping = True
         self._samples += 1
@@ -256,6 +258,7 @@ class _Run:
             "bytes_delivered": counts[Wire.DELIVERED] * size,
             "distance_cells": counts[Wire.DISTANCE_MICROCELLS] / 1e6,
             "thaws": self.thaws.seen,
+            **self.begun.counters(),
             "failures": self.ends["failed"],
             "departures": self.ends["departed"],
             "replacements": self.ends["replaced"],
@@ -267,14 +270,26 @@ class _Run:
         timer, handled = percentiles(shared.timer_late), percentiles(shared.handled_late)
         return (Lateness(*timer) if timer else NEVER_LATE, Lateness(*handled) if handled else NEVER_LATE)
 
-    def _watch_thaws(self, snapshot: Snapshot) -> None:
-        alive = snapshot.alive
-        if not alive.any():
+    def _thaw_begins(self, fls: VirtualFls, begins: ThawBegins) -> None:
+        """Were all lit FLSs one swarm of the epoch that ends? `fls` itself is in the next one by now."""
+        others = (other.machine for other in self.flss if other.lit and other is not fls)
+        single = all((m.swarm, m.epoch) == (begins.swarm, begins.epoch) for m in others)
+        self.begun.note(self.agenda.now, begins, single)
+
+    def _look_at_thaws(self) -> None:
+        """Begin a thaw if that is the engine's to do, or see that one has begun."""
+        alive = [fls for fls in self.flss if fls.alive]
+        if not alive:
             return
-        epoch = np.array([fls.machine.epoch for fls in self.flss])
-        started = self.shared.counts[Count.THAWS_STARTED]
-        sight = Sight(snapshot.t_s, snapshot.lit[alive], snapshot.swarm[alive], epoch[alive], started)
+        sight = Sight(
+            self.agenda.now,
+            np.array([fls.lit for fls in alive]),
+            np.array([fls.machine.swarm.xi if fls.lit else 0 for fls in alive], np.int32),
+            np.array([fls.machine.epoch for fls in alive]),
+            self.shared.counts[Count.THAWS_STARTED],
+        )
         if order := self.thaws.order(sight):
+            self.begun.ordered(sight.t_s, order)
             message = Message(Kind.THAW, ENGINE_FID, 0, order.epoch, NO_SWARM, 0, ZERO, To.ALL)
             stamp = Stamp(RUN, next(self._numbers), ZERO, sight.t_s)
             self.air.transmit(message, stamp, self._latency_rng, None)
@@ -294,7 +309,11 @@ class _Run:
         if result.wall_s > 0:
             result.time_scale = result.emulated_s / result.wall_s
             result.faithful = True  # virtual time waits for whoever computes
-        result.extra = {"events": self.events, "trace_sha256": self.trace.sha256()}
+        result.extra = {
+            "events": self.events,
+            "trace_sha256": self.trace.sha256(),
+            "first_thaw_at_one_swarm_s": self.begun.first_s,  # between two samples
+        }
         for witness in self.witnesses:
             result.extra |= witness.summary()
 

@@ -35,6 +35,7 @@ from swarmer.protocol.events import (
     Measured,
     Received,
     Send,
+    ThawBegins,
     Timer,
 )
 from swarmer.radio import Ears, EndRules, ReplayWindow, fate, heard
@@ -67,6 +68,7 @@ class Shared:
     agenda: Agenda
     air: Air
     ended: Callable[[VirtualFls, str], None]  # told when one fails or departs
+    thaw_begins: Callable[[VirtualFls, ThawBegins], None]  # told when one begins a thaw
     handling_s: float  # that an FLS takes for one message
     counts: list[int]  # of all FLSs together, in the places of `telemetry`
     timer_late: list[int]  # histograms of metrics.lateness
@@ -245,6 +247,8 @@ class VirtualFls:
                 self._wait(MEASURED, self._agenda.now + self._sensor.delay_s)
             else:
                 self._measure()
+        elif kind is ThawBegins:
+            self.shared.thaw_begins(self, action)
         elif kind is Depart:
             self._end(DEPARTED)
 

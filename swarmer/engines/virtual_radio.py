@@ -7,7 +7,7 @@ of them gets it after a latency of its own, and asks the rules again (docs/virtu
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from heapq import heappush
 from random import Random
 from typing import TYPE_CHECKING, Any
@@ -49,6 +49,7 @@ class Air:
         self.count = len(points)
         self.flss: list[VirtualFls | None] = [None] * (self.count + 1)  # by FID
         self.swarms: dict[Swarm, dict[int, VirtualFls]] = {}
+        self.on_single: Callable[[], None] | None = None  # told when an FLS has joined or left the only swarm
         self._near: list[Sequence[int]] = [()] * (self.count + 1)
         self._distances: list[Sequence[float]] = [()] * (self.count + 1)
         # (F + 1, 4): where an FLS is, or began to fly, and how far it flies. Only for ranges between positions.
@@ -76,6 +77,8 @@ class Air:
                 del swarms[old]
         if new != NO_SWARM:
             swarms.setdefault(new, {})[fls.fid] = fls
+        if self.on_single is not None and len(swarms) == 1:
+            self.on_single()
 
     def moved(self, fls: VirtualFls) -> None:
         """It has begun or ended a flight."""

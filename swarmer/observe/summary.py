@@ -17,6 +17,9 @@ COUNTERS = (
     "leases_granted",
     "leases_expired",
     "thawed_flss",
+    "thaws_at_one_swarm",
+    "thaws_by_clock",
+    "wrong_thaws",
     "datagrams_sent",
     "datagrams_delivered",
     "datagrams_lost",
@@ -58,8 +61,8 @@ def make_summary(progress: Progress, result: RunResult, shape: str, points: int,
         "hd_absolute_cells": progress.hd_absolute(),
         "time_to_hd_s": dict(progress.time_to_hd_s),
         "all_lit_s": progress.all_lit_s,
-        "first_single_swarm_s": progress.first_single_swarm_s,
-        "single_swarm_count": progress.single_swarm_count,
+        "first_single_swarm_s": _first_single_swarm(progress, result),
+        "single_swarm_count": max(progress.single_swarm_count, round(counters.get("thaws_at_one_swarm", 0))),
         "swarms_last": progress.swarms.number,
         "lit_share": progress.lit_share,
         "thaws": _whole(counters.get("thaws")),
@@ -76,6 +79,12 @@ def make_summary(progress: Progress, result: RunResult, shape: str, points: int,
     }
     summary.update(getattr(result, "extra", None) or {})
     return {name: plain(value) for name, value in summary.items()}
+
+
+def _first_single_swarm(progress: Progress, result: RunResult) -> float | None:
+    """A sample sees few of the moments of one swarm if a thaw ends each at once; an engine may know better."""
+    known = (progress.first_single_swarm_s, result.extra.get("first_thaw_at_one_swarm_s"))
+    return min((t_s for t_s in known if t_s is not None), default=None)
 
 
 def _whole(count: float | None) -> int | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import NamedTuple
 
-from swarmer.messages import Message, Vec3
+from swarmer.messages import Message, Swarm, Vec3
 
 
 class Timer(IntEnum):
@@ -19,27 +19,29 @@ class Timer(IntEnum):
     LEASE = 2  # the anchor's next lease is over
     RENEW = 3  # half a lease: the localizer renews
     THAW = 4  # this FLS thaws the display
+    REPORT = 5  # its thaw policy has something to say, or to ask
 
 
 # The same by plain names, here and below for what is counted: an attribute of an enum class costs a slow look-up.
-CHALLENGE_TIMER, BOUND_TIMER, LEASE_TIMER, RENEW_TIMER, THAW_TIMER = Timer
+CHALLENGE_TIMER, BOUND_TIMER, LEASE_TIMER, RENEW_TIMER, THAW_TIMER, REPORT_TIMER = Timer
 
 
 class Local(IntEnum):
     """Keys of the table for what is no message; beyond every Kind, so one table holds both. Timers come first."""
 
-    CHALLENGE_DUE = 20
-    BOUND_OVER = 21
-    LEASE_OVER = 22
-    RENEW_DUE = 23
-    THAW_DUE = 24
-    LAUNCH = 25
-    LANDED = 26
-    MEASURED = 27
-    BATTERY_LOW = 28
+    CHALLENGE_DUE = 32
+    BOUND_OVER = 33
+    LEASE_OVER = 34
+    RENEW_DUE = 35
+    THAW_DUE = 36
+    REPORT_DUE = 37
+    LAUNCH = 38
+    LANDED = 39
+    MEASURED = 40
+    BATTERY_LOW = 41
 
 
-KEYS = 29  # one more than the largest key
+KEYS = 42  # one more than the largest key
 
 
 class Received(NamedTuple):
@@ -112,7 +114,15 @@ class Depart(NamedTuple):
     """Go dark and fly home: the FLS's life ends."""
 
 
-Action = Send | Fly | Measure | Arm | Disarm | Depart
+class ThawBegins(NamedTuple):
+    """This FLS has begun a thaw: for who watches, an engine need not do anything."""
+
+    swarm: Swarm  # it was in this one until now
+    epoch: int  # that ends with it
+    known: bool  # its policy claims that this was the only swarm; False: the clock said so
+
+
+Action = Send | Fly | Measure | Arm | Disarm | Depart | ThawBegins
 
 
 class Count(IntEnum):

@@ -37,14 +37,18 @@ def follow(me: Memory, message: Message) -> None:
 
 def merge(me: Memory, message: Message) -> None:
     """MERGE: another swarm from now on, without a flight; an anchor keeps its leases."""
+    old = me.swarm
     me.take_swarm(message.other, message.size)
     if me.state is W:
         me.become_available()
+    me.thaw_policy.joined(me, old)
 
 
 def follow_merge(me: Memory, message: Message) -> None:
+    old = me.swarm
     me.take_swarm(message.other, message.size)
     follow(me, message)
+    me.thaw_policy.joined(me, old)
 
 
 def follower_landed(me: Memory, _: object) -> None:

@@ -45,6 +45,7 @@ def localize(me: Memory, event: Measured) -> None:
     else:
         me.say(MERGE, TO_SWARM, old, other=me.swarm)
         finish(me, None)
+    me.thaw_policy.joined(me, old)
 
 
 def finish(me: Memory, _: object) -> None:

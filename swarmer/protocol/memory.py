@@ -6,7 +6,9 @@ answers which event. A rule changes the memory and adds to its actions, and does
 
 from __future__ import annotations
 
+from math import hypot
 from random import Random
+from typing import TYPE_CHECKING
 
 from swarmer.messages import (
     CHALLENGE_INIT,
@@ -38,7 +40,9 @@ from swarmer.protocol.events import (
 )
 from swarmer.protocol.leases import Leases
 from swarmer.protocol.records import BA, A, Accept, Counters, D, Identity, MachineSettings, View, W
-from swarmer.protocol.thaw import ThawPolicy
+
+if TYPE_CHECKING:
+    from swarmer.protocol.thaw import ThawPolicy
 
 UINT32_MAX = 0xFFFFFFFF  # what a datagram has room for
 
@@ -78,6 +82,7 @@ class Memory:
         "last_accept_s",
         "leases",
         "leaving",
+        "longest",
         "merged",
         "now",
         "pending",
@@ -133,6 +138,7 @@ class Memory:
         self.reminded: dict[int, float] = {}
         self.thawed_s = -1e9
         self.tick_s = 0.0
+        self.longest = 0.0  # the longest V that it was told to fly in this epoch, cells
         self._armed = 0  # one bit for each Timer
         self.leaving = self.departed = False
         self.now = 0.0
@@ -172,6 +178,9 @@ class Memory:
     def arm(self, timer: Timer, at_s: float) -> None:
         self._armed |= 1 << timer
         self.actions.append(Arm(timer, at_s))
+
+    def is_armed(self, timer: Timer) -> bool:
+        return bool(self._armed >> timer & 1)
 
     def disarm(self, *timers: Timer) -> None:
         for timer in timers:
@@ -224,6 +233,7 @@ class Memory:
         self.disarm(BOUND_TIMER)
         self.holders.clear()
         self.flying = True
+        self.longest = max(self.longest, hypot(*vector))
         self.actions.append(Fly(vector))
 
     def take_swarm(self, swarm: Swarm, size: int) -> None:
@@ -232,10 +242,12 @@ class Memory:
         self.policy.merged()
 
     def start_timers(self) -> None:
-        """The challenge tick within λ of a landing or thaw, and this FLS's own thaw."""
+        """The challenge tick within λ of a landing or thaw, this FLS's own thaw, and what its policy waits for."""
         self.tick_s = self.now + self.rng.uniform(0.0, self.settings.lambda_s)
         self.arm(CHALLENGE_TIMER, self.tick_s)
+        self.longest = 0.0
         self.arm_thaw()
+        self.thaw_policy.begins(self)
 
     def arm_thaw(self) -> None:
         delay = self.thaw_policy.delay_s(self.rng)

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-from swarmer.messages import LEAVE, SET_AVAILABLE, THAW, TO_ALL, TO_FLS, Message, Swarm
+from swarmer.messages import (
+    LEAVE,
+    SET_AVAILABLE,
+    THAW,
+    THAW_ABORT,
+    THAW_ANNOUNCE,
+    TO_ALL,
+    TO_FLS,
+    Message,
+    Swarm,
+)
 from swarmer.protocol.events import (
     BOUND_TIMER,
     LEASE_TIMER,
     RENEW_TIMER,
+    REPORT_TIMER,
     STALE,
     THAWS_OBEYED,
     THAWS_STARTED,
     Depart,
+    ThawBegins,
     Timer,
 )
 from swarmer.protocol.memory import UINT32_MAX, Memory
@@ -33,7 +45,7 @@ def obey_thaw(me: Memory, epoch: int, tell: bool = False) -> None:
     for table in (me.leases, me.holders, me.accepts, me.pending):
         table.clear()
     me.policy.thawed()
-    me.disarm(BOUND_TIMER, LEASE_TIMER, RENEW_TIMER)
+    me.disarm(BOUND_TIMER, LEASE_TIMER, RENEW_TIMER, REPORT_TIMER)
     # A flight that has begun goes on; a Waiting FLS that lands is Available and tells nobody.
     me.state = W if me.flying else A
     if tell:  # with the new Swarm-ID: whoever is in this epoch already must not believe the old one
@@ -49,6 +61,8 @@ def meet_epoch(me: Memory, message: Message) -> bool:
         obey_thaw(me, message.epoch)
         return message.kind != THAW
     me.counts[STALE] += 1
+    if message.kind in (THAW_ANNOUNCE, THAW_ABORT):
+        return False  # late copies of what has begun this epoch: all would answer their senders at once
     due = me.reminded.get(message.sender, -1e9) + me.settings.lambda_s
     if me.awake and message.sender and due <= me.now:
         me.reminded[message.sender] = me.now
@@ -56,10 +70,43 @@ def meet_epoch(me: Memory, message: Message) -> bool:
     return False
 
 
-def thaw_due(me: Memory, _: object) -> None:
-    """This FLS's own timer: begin the next epoch for everybody."""
+def begin_thaw(me: Memory, known: bool, tell: bool = True) -> None:
+    """Begin the next epoch for everybody. known: because the policy says that there is one swarm."""
     me.counts[THAWS_STARTED] += 1
-    obey_thaw(me, min(me.epoch + 1, UINT32_MAX) if me.settings.epochs else me.epoch, tell=True)
+    me.actions.append(ThawBegins(me.swarm, me.epoch, known))
+    obey_thaw(me, min(me.epoch + 1, UINT32_MAX) if me.settings.epochs else me.epoch, tell)
+
+
+def thaw_due(me: Memory, _: object) -> None:
+    """This FLS's own timer."""
+    begin_thaw(me, known=False)
+
+
+def report_due(me: Memory, _: object) -> None:
+    if me.thaw_policy.report_due(me):
+        begin_thaw(me, True, me.thaw_policy.tells)
+
+
+def hear_count(me: Memory, message: Message) -> None:
+    """COUNT: for the policies in which the owner of a swarm keeps a list of who is in it."""
+    if me.thaw_policy.counted(me, message):
+        begin_thaw(me, True, me.thaw_policy.tells)
+
+
+def hear_roll_call(me: Memory, message: Message) -> None:
+    """ROLL_CALL: the owner misses this FLS on its list."""
+    me.thaw_policy.called(me, message)
+
+
+def hear_announcement(me: Memory, message: Message) -> None:
+    """THAW_ANNOUNCE: a corner takes its swarm for the only one."""
+    if me.thaw_policy.announced(me, message):
+        begin_thaw(me, True, me.thaw_policy.tells)
+
+
+def hear_abort(me: Memory, message: Message) -> None:
+    """THAW_ABORT: somebody knows better."""
+    me.thaw_policy.aborted(me, message)
 
 
 def rearm_thaw(me: Memory, _: object) -> None:

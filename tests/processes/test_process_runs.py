@@ -162,6 +162,17 @@ def test_centralized_thaws_at_one_swarm(tmp_path):
     assert summary["single_swarm_count"] >= 2
 
 
+@pytest.mark.parametrize("policy", ["roster", "census", "corner"])
+def test_the_flss_find_one_swarm_by_themselves(tmp_path, policy):
+    """By the clock there would be no thaw before second 16."""
+    rules = (f"thaw.policy={policy}", "thaw.rest_below_cells=0")
+    summary = small(tmp_path, *(word for rule in rules for word in ("--set", rule)), duration=6)
+    assert summary["thaws"] >= 1
+    assert summary["thawed_flss"] >= summary["points"] - 1
+    assert summary["hd_cells"] < 0.5
+    assert summary["wrong_thaws"] is None, "nobody knows what was true at that moment"
+
+
 @pytest.mark.parametrize("preset", ["paper", "authors_code"])
 def test_the_presets_run(tmp_path, preset):
     summary = small(tmp_path, "--config", preset, duration=6)

@@ -15,6 +15,7 @@ from world import Body, World
 from swarmer.messages import JOIN, SWARM_KINDS, Kind, Message, Swarm, To
 from swarmer.protocol.anchor_selection import lowest
 from swarmer.protocol.events import Arm, Count, Fly, Landed, Launch, Measured, Received, Send, Timer
+from swarmer.protocol.thaw import FALLBACK
 from swarmer.state_machine import State, StateMachine
 
 D, A, BA, BL, W = State
@@ -341,7 +342,8 @@ def s11_thaw(watch: Watch, step: Step) -> str | None:
     for action in step.actions:
         if type(action) is Arm and action.timer is Timer.THAW:
             h, spread = watch.rules.thaw_h_s, watch.rules.thaw_spread
-            if not h - TINY <= action.at_s - watch.world.now <= h * spread + TINY:
+            least, most = (h, h) if watch.rules.thaw_policy == "timer" else (0.0, FALLBACK * h)
+            if not least - TINY <= action.at_s - watch.world.now <= most * spread + TINY:
                 return f"means to thaw in {action.at_s - watch.world.now:.3f} s"
     if not thaws:
         return None
@@ -371,7 +373,8 @@ def s12_ids(watch: Watch, step: Step) -> str | None:
         return f"handles incarnation {message.incarnation} of {message.sender} after {newest}"
     watch.newest[m, message.sender] = message.incarnation
     effect = m.state is not step.was.state or any(sent.kind != Kind.THAW for sent in step.sent)
-    return "an old epoch has an effect" if m.settings.epochs and message.epoch < m.epoch and effect else None
+    old = m.settings.epochs and message.epoch < step.was.epoch
+    return "an old epoch has an effect" if old and effect else None
 
 
 def s16_always(watch: Watch, step: Step) -> str | None:
@@ -381,7 +384,9 @@ def s16_always(watch: Watch, step: Step) -> str | None:
     if ids_fall and (calm or m.settings.busy_join == "off") and m.epoch == was.epoch and m.swarm > was.swarm:
         return f"ξ rises from {was.swarm} to {m.swarm}"
     for sent in step.sent:
-        if (sent.sender, sent.incarnation, sent.epoch) != (m.fid, m.incarnation, m.epoch):
+        # An announcement may be what an FLS says last in an epoch: its own copy counts, too.
+        epoch = was.epoch if sent.kind == Kind.THAW_ANNOUNCE else m.epoch
+        if (sent.sender, sent.incarnation, sent.epoch) != (m.fid, m.incarnation, epoch):
             return f"signs as another: {sent}"
         if sent.to == To.SWARM and (sent.kind not in SWARM_KINDS or sent.addressee.xi == 0):
             return f"speaks to the wrong ones: {sent}"

@@ -49,10 +49,12 @@ def settings(**changes) -> MachineSettings:
     return base._replace(**changes)
 
 
-def machine(fid=5, incarnation=0, seed=1, kind=StateMachine, probe_every=8, **changes) -> StateMachine:
+def machine(
+    fid=5, incarnation=0, seed=1, kind=StateMachine, probe_every=8, thaws=None, **changes
+) -> StateMachine:
     return kind(
         Identity(fid, incarnation, (0.0, 0.0, 0.0)), NEIGHBOURS, settings(**changes), RComplete(probe_every),
-        Timer(10.0, 2.0), Random(seed),
+        Timer(10.0, 2.0) if thaws is None else thaws, Random(seed),
     )  # fmt: skip
 
 
@@ -86,7 +88,9 @@ class Lone:
         return self.feed(Received(self.message(words)))
 
     def message(self, words: str) -> Message:
-        """'INIT 7', 'ACCEPT 3 joins', 'SET_WAITING 8 (a)', 'FOLLOW_MERGE 8 to 4', 'ACK 7 old', 'THAW 7 epoch 2', ..."""
+        """'INIT 7', 'ACCEPT 3 joins', 'SET_WAITING 8 (a)', 'FOLLOW_MERGE 8 to 4', 'ACK 7 old', 'THAW 7 epoch 2',
+        'COUNT 8 flew 4', 'THAW_ANNOUNCE 8 of 3', ...
+        """
         name, sender, *more = words.split()
         kind, fid, m = KINDS[name], int(sender), self.m
         joins = "joins" in more
@@ -106,7 +110,8 @@ class Lone:
             kind, fid, incarnation, _after(more, "epoch", m.epoch), swarm, _after(more, "size", 1),
             (10.0 * fid, 0.0, 0.0), To.SWARM if to_swarm else To.FLS,
             Swarm(77, 0) if "others" in more else m.swarm if to_swarm else Swarm(m.fid, 0), flags, challenge,
-            other=Swarm(_after(more, "to", 0), 0) if to_swarm else m.swarm, vector=(1.0, 2.0, 2.0),
+            other=Swarm(_after(more, "to", 0), 0) if to_swarm else Swarm(_after(more, "of", m.swarm.xi), 0),
+            vector=(float(_after(more, "flew", 0)), 0.0, 0.0) if kind == Kind.COUNT else (1.0, 2.0, 2.0),
         )  # fmt: skip
 
     def later(self, seconds: float) -> Lone:
@@ -174,7 +179,9 @@ def happen(lone: Lone, step: str) -> list:
         return lone.feed(Measured((anchor.truth[0] + float(more[0]), 0.0, 0.0)))
     if word == "landed":
         return lone.feed(Landed())
-    purposes = {"tick": "CHALLENGE", "bound": "BOUND", "lease": "LEASE", "renew": "RENEW", "thaw": "THAW"}
+    purposes = {
+        "tick": "CHALLENGE", "bound": "BOUND", "lease": "LEASE", "renew": "RENEW", "thaw": "THAW", "report": "REPORT",
+    }  # fmt: skip
     return lone.due(Purpose[purposes[word]])
 
 
