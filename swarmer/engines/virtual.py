@@ -19,27 +19,26 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from swarmer.engines.reading import NAMES
+from swarmer.engines.reading import totals_of
 from swarmer.engines.result import Event, Lateness, Live, Observer, RunResult, Snapshot, Witness
 from swarmer.engines.specs import fls_rows, fls_spec
 from swarmer.engines.thaws import Sight, ThawWatch
 from swarmer.engines.virtual_fls import FAILED, Shared, VirtualFls
-from swarmer.engines.virtual_queue import BusyFls
 from swarmer.engines.virtual_radio import RUN, Air
-from swarmer.engines.virtual_time import DATAGRAM, FREE, GROUP, HELD, SAMPLE, Agenda, Trace
+from swarmer.engines.virtual_time import DATAGRAM, FREE, GROUP, HELD, SAMPLE, SLOT, Agenda, Trace
 from swarmer.engines.witnesses import witness_of
 from swarmer.errors import RunFailed
-from swarmer.fls_process import LANDING
-from swarmer.messages import ENGINE_FID, MAX_SIZE, NO_SWARM, SIZE, ZERO, Kind, Message, Stamp, To
+from swarmer.fls import LANDING
+from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Kind, Message, Stamp, To
 from swarmer.metrics.lateness import BUCKETS, percentiles
 from swarmer.protocol.events import Count
 from swarmer.streams import stream
-from swarmer.telemetry import COUNTERS, Wire
+from swarmer.telemetry import COUNTERS
 
 if TYPE_CHECKING:
     from types import FrameType
 
-    from swarmer.fls_process import FlsSpec
+    from swarmer.fls import FlsSpec
     from swarmer.plan import Plan
 
 TOLD_EVERY = 500  # FLSs made between two words on how far the launch is
@@ -74,7 +73,7 @@ class _Run:
         virtual = plan.config.virtual
         self.agenda, self.trace = Agenda(), Trace()
         latency_s = (virtual.latency_min_ms / 1e3, virtual.latency_max_ms / 1e3)
-        self.air = Air(self.agenda, latency_s, plan.cloud.points, plan.rules.range_estimated)
+        self.air = Air(self.agenda, latency_s, plan.cloud.points, plan.rules)
         self.shared = Shared(
             plan.config.seed, plan.rules, self.agenda, self.air, self._ended, virtual.handling_ms / 1e3,
             [0] * COUNTERS, [0] * BUCKETS, [0] * BUCKETS, witness_of(witnesses),
@@ -82,7 +81,6 @@ class _Run:
         self.witnesses = witnesses
         self.flss: list[VirtualFls] = []  # row i is FID i + 1, also when it has failed
         self.thaws = ThawWatch(plan.rules)
-        self.events = 0
         self.ends = {"failed": 0, "departed": 0, "replaced": 0}
         self.stopping = False
         self.result = RunResult(VirtualEngine.name, "done", 0.0, 0.0)
@@ -139,11 +137,8 @@ class _Run:
                 return
             if len(self.flss) % TOLD_EVERY == 0:
                 self.observer.launching(len(self.flss), self.plan.size)
-            self.flss.append(self._make(fls_spec(row)))
+            self.flss.append(VirtualFls(self.shared, fls_spec(row)))
         self.observer.launching(self.plan.size, self.plan.size)
-
-    def _make(self, spec: FlsSpec) -> VirtualFls:
-        return BusyFls(self.shared, spec) if self.shared.handling_s > 0 else VirtualFls(self.shared, spec)
 
     def _live(self) -> None:
         """Take what is next, until told to stop. There is always a sample to come, so the agenda is never empty."""
@@ -156,16 +151,17 @@ class _Run:
                 self._deliver(one, *two)
             elif what == DATAGRAM:
                 if fls.alive:
-                    self.events += 1
                     values += (at, fls.fid, one.kind, one.sender)
                     fls.hear(one, two)
             elif what < DATAGRAM:
                 if fls.look(what, at):  # else it was disarmed, armed anew, or its FLS is gone
-                    self.events += 1
                     values += (at, fls.fid, -1 - what, 0)
-                    fls.take_due(what)
+                    fls.fall_due(what)
                     if what == LANDING:
-                        values += (*fls.flight.start, 0)
+                        values += (*fls.position(), 0)
+                        self.trace.places += 1
+            elif what == SLOT:
+                agenda.next_slot()
             elif what == SAMPLE:
                 self._look()
             elif fls.alive:
@@ -173,16 +169,15 @@ class _Run:
             if len(values) >= full:
                 trace.hash_values()
 
-    def _deliver(self, arrivals: list[tuple[float, int, VirtualFls]], message: Message, stamp: Stamp) -> None:
+    def _deliver(self, arrivals: list[tuple[float, VirtualFls]], message: Message, stamp: Stamp) -> None:
         """A datagram to many: one after the other, until something else comes before the next one."""
         agenda, values = self.agenda, self.trace.values
         heap, kind, sender = agenda.heap, message.kind, message.sender
         while True:
-            at, fid, fls = arrivals.pop()
+            at, fls = arrivals.pop()
             if fls.alive:
                 agenda.now = at
-                self.events += 1
-                values += (at, fid, kind, sender)
+                values += (at, fls.fid, kind, sender)
                 fls.hear(message, stamp)
             if not arrivals:
                 return
@@ -193,15 +188,13 @@ class _Run:
 
     def _go_on(self, what: int, fls: VirtualFls, message: Message, stamp: Stamp) -> None:
         """What was put off: by the radio at one of its ends, or by a handler that was busy."""
-        self.events += 1
         self.trace.values += (self.agenda.now, fls.fid, -1 - what, 0)
         if what == HELD:
             fls.arrive(message, stamp)
         elif what == FREE:
-            assert isinstance(fls, BusyFls)
             fls.wake()
         else:
-            fls.transmit(message, stamp)
+            fls.transmit(message, stamp, self.shared.counts)
 
     # -- ends and beginnings -------------------------------------------------------------------------------------
 
@@ -213,7 +206,9 @@ class _Run:
         self.observer.event(Event(now, kind, fid, text))
         if self.config.failure.replace:
             incarnation = fls.spec.incarnation + 1
-            self.flss[fid - 1] = self._make(fls.spec._replace(incarnation=incarnation, launch_at_s=now))
+            self.flss[fid - 1] = VirtualFls(
+                self.shared, fls.spec._replace(incarnation=incarnation, launch_at_s=now)
+            )
             self.ends["replaced"] += 1
             self.observer.event(Event(now, "replacement", fid, f"incarnation {incarnation} launched"))
 
@@ -248,13 +243,7 @@ class _Run:
 
     def _counters(self) -> dict[str, float]:
         """By the names that the process engine has."""
-        counts = self.shared.counts
-        size = MAX_SIZE if self.config.radio.mac else SIZE  # what it would take on the wire
-        totals: dict[str, float] = {name: sum(counts[at] for at in places) for name, places in NAMES.items()}
-        return totals | {
-            "bytes_sent": counts[Wire.SENT] * size,
-            "bytes_delivered": counts[Wire.DELIVERED] * size,
-            "distance_cells": counts[Wire.DISTANCE_MICROCELLS] / 1e6,
+        return totals_of(self.shared.counts, self.config.radio.mac) | {
             "thaws": self.thaws.seen,
             "failures": self.ends["failed"],
             "departures": self.ends["departed"],
@@ -294,7 +283,7 @@ class _Run:
         if result.wall_s > 0:
             result.time_scale = result.emulated_s / result.wall_s
             result.faithful = True  # virtual time waits for whoever computes
-        result.extra = {"events": self.events, "trace_sha256": self.trace.sha256()}
+        result.extra = {"events": self.trace.events(), "trace_sha256": self.trace.sha256()}
         for witness in self.witnesses:
             result.extra |= witness.summary()
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable
-from heapq import heappush
+from operator import itemgetter
 from random import Random
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from swarmer.engines.virtual_time import DATAGRAM, GROUP, Agenda
 from swarmer.messages import CHALLENGE_INIT, NO_SWARM, TO_FLS, TO_SWARM, Message, Stamp, Swarm
-from swarmer.radio import heard
+from swarmer.radio import EndRules, heard
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,9 +25,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from swarmer.engines.virtual_fls import VirtualFls
-    from swarmer.fls_process import FlsSpec
+    from swarmer.fls import FlsSpec
+    from swarmer.plan import Rules
 
 RUN = 1  # there is no other run on this air
+MANY = 24  # receivers for which arrays are the faster way
 AHEAD = 1.5  # a table that is too short is made to reach so many times as far as is asked for
 
 
@@ -39,12 +41,12 @@ class Air:
         agenda: Agenda,
         latency_s: tuple[float, float],
         points: NDArray[np.float64],
-        estimated: bool,
+        rules: Rules,
     ) -> None:
-        """latency_s: shortest, longest. points: (F, 3), cells. estimated: the range is one between real positions."""
+        """latency_s: shortest, longest. points: (F, 3), cells."""
         self.agenda = agenda
         self._lowest, self._span = latency_s[0], latency_s[1] - latency_s[0]
-        self._points, self._estimated = points, estimated
+        self._points, self._estimated = points, rules.range_estimated
         self._tree: Any = None
         self.count = len(points)
         self.flss: list[VirtualFls | None] = [None] * (self.count + 1)  # by FID
@@ -52,14 +54,30 @@ class Air:
         self._near: list[Sequence[int]] = [()] * (self.count + 1)
         self._distances: list[Sequence[float]] = [()] * (self.count + 1)
         # (F + 1, 4): where an FLS is, or began to fly, and how far it flies. Only for ranges between positions.
-        self._places = np.zeros((self.count + 1, 4)) if estimated else None
+        self._places = np.zeros((self.count + 1, 4)) if rules.range_estimated else None
+        sender, receiver = EndRules(*rules.sender), EndRules(*rules.receiver)
+        self._longest_s = latency_s[1] + sender.longest_s + receiver.longest_s  # that a datagram is on its way
+        # By FID: may one of its datagrams come twice, or later than WINDOW younger ones, or after its successor's?
+        # Only then need a receiver remember which it has had; all others would cost it much memory, and refuse none.
+        self.doubtful = [bool(sender.duplicate or receiver.duplicate)] * (self.count + 1)
 
     def join(self, fls: VirtualFls, spec: FlsSpec) -> None:
         """A new FLS listens, in the place of its predecessor."""
         self.flss[fls.fid] = fls
         if not self._distances[fls.fid]:
             self._near[fls.fid], self._distances[fls.fid] = spec.near, spec.distances
+        if spec.incarnation:
+            self.doubtful[fls.fid] = True
         self.moved(fls)
+
+    def hurries(self, fid: int, seconds: float) -> None:
+        """This FLS has sent half a WINDOW of datagrams within so many emulated seconds.
+
+        A WINDOW and one more hold two multiples of half a WINDOW. So whoever never sends as many as that between two
+        of them while a datagram may be on its way has none that comes later than WINDOW younger ones.
+        """
+        if seconds <= self._longest_s:
+            self.doubtful[fid] = True
 
     def leave(self, fls: VirtualFls) -> None:
         """It neither sends nor hears any more; what it has sent is still on its way."""
@@ -90,9 +108,8 @@ class Air:
             one = self.flss[message.addressee.xi]
             if one is not None and one is not sender:
                 agenda = self.agenda
-                agenda.order = order = agenda.order + 1
                 at = agenda.now + self._lowest + self._span * latency.random()
-                heappush(agenda.heap, (at, order, DATAGRAM, one, message, stamp))
+                agenda.put(at, DATAGRAM, one, message, stamp)
             return
         if to == TO_SWARM:
             group = self.swarms.get(message.addressee, _NOBODY).values()
@@ -111,14 +128,20 @@ class Air:
         sender: VirtualFls | None,
     ) -> None:
         """One entry for all, latest first: the loop takes them off the end, each at its own moment."""
-        agenda, span, draw = self.agenda, self._span, latency.random
-        first = agenda.now + self._lowest
-        arrivals = [
-            (first + span * draw(), fls.fid, fls) for fls in group if fls is not None and fls is not sender
-        ]
-        if arrivals:
-            arrivals.sort(reverse=True)
-            agenda.put(arrivals[-1][0], GROUP, None, arrivals, (message, stamp))
+        receivers = [fls for fls in group if fls is not None and fls is not sender]
+        count, first, span = len(receivers), self.agenda.now + self._lowest, self._span
+        if count > MANY:
+            draws = np.frombuffer(latency.randbytes(4 * count), np.dtype("<u4"))
+            order = np.argsort(draws, kind="stable")[::-1]
+            moments = first + span * (draws[order] / 2.0**32)
+            arrivals = list(zip(moments.tolist(), map(receivers.__getitem__, order.tolist()), strict=True))
+        elif receivers:
+            draw = latency.random
+            arrivals = [(first + span * draw(), fls) for fls in receivers]
+            arrivals.sort(key=_moment, reverse=True)
+        else:
+            return
+        self.agenda.put(arrivals[-1][0], GROUP, None, arrivals, (message, stamp))
 
     def _in_range(self, message: Message, stamp: Stamp, sender: VirtualFls) -> list[VirtualFls]:
         """Whom a challenge reaches, by the rules, at the moment of sending."""
@@ -161,4 +184,5 @@ class Air:
         return np.flatnonzero(far <= reach).tolist()
 
 
+_moment = itemgetter(0)
 _NOBODY: dict[int, VirtualFls] = {}
