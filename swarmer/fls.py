@@ -67,7 +67,7 @@ REFUSED = {
     "run": int(Wire.OTHER_RUN), "sender": int(Wire.BAD), "address": int(Wire.NOT_ADDRESSED),
     "range": int(Wire.OUT_OF_RANGE), "own": int(Wire.OWN_SWARM),
 }  # fmt: skip
-_DUE = tuple(map(Due, Timer))
+DUE = tuple(map(Due, Timer))
 _LANDED = Landed()
 _STILL: Vec3 = (0.0, 0.0, 0.0)
 
@@ -305,7 +305,7 @@ class BaseFls(ABC):
     def take_due(self, what: int) -> None:
         """Take up a timer, a landing, or what else this FLS waited for."""
         if what < LANDING:
-            self.feed(_DUE[what])
+            self.feed(DUE[what])
         elif what == LANDING:
             # Where the flight ends, whenever that is noticed.
             end = position_at(self.flight, NEVER, self.velocity)

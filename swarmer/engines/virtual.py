@@ -13,12 +13,13 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from heapq import heappop
-from itertools import chain
 from itertools import count as counting
+from operator import attrgetter
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from swarmer.engines.fidelity import faithful
 from swarmer.engines.reading import totals_of
 from swarmer.engines.result import Event, Lateness, Live, Observer, RunResult, Snapshot, Witness
 from swarmer.engines.specs import fls_rows, fls_spec
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
 
 TOLD_EVERY = 500  # FLSs made between two words on how far the launch is
 COLLECT_EVERY = 100_000  # objects more than before: Python's own 700 costs some per cent of a run
-NEVER_LATE = Lateness(0.0, 0.0, 0.0)
+_state, _epoch = attrgetter("machine.state"), attrgetter("machine.epoch")
 
 
 class VirtualEngine:
@@ -226,20 +227,22 @@ class _Run:
         self.agenda.put(min(self._samples / config.recording.rate_hz, config.duration_s), SAMPLE, None)
 
     def _snapshot(self, now: float) -> Snapshot:
-        flss = self.flss
-        lit = [fls.lit for fls in flss]
+        air, flss = self.air, self.flss
         wall = time.monotonic() - self._went_wall
-        live = Live(now / wall if wall > 0 else None, *self._lateness(), 1, None, True)
+        late = self._lateness()
+        swarm = np.array(air.listens, np.int32)[1:]  # the machines' own: they are asked after every event
         return Snapshot(
             t_s=now,
-            position=np.fromiter(chain.from_iterable(fls.position() for fls in flss), float).reshape(-1, 3),
-            swarm=np.array([fls.machine.swarm.xi if on else 0 for fls, on in zip(flss, lit, strict=True)], np.int32),
-            state=np.array([fls.machine.state for fls in flss], np.int8),
-            lit=np.array(lit, np.bool_),
-            alive=np.array([fls.alive for fls in flss], np.bool_),
+            position=air.places()[1:].copy(),
+            swarm=swarm,
+            state=np.frombuffer(bytearray(map(_state, flss)), np.int8),
+            lit=swarm != 0,
+            alive=np.array([fls is not None for fls in air.flss[1:]], np.bool_),
             counters=self._counters(),
-            live=live,
-        )  # fmt: skip
+            live=Live(
+                now / wall if wall > 0 else None, *late, 1, None, faithful(*late, self.config.lease_ms)
+            ),
+        )
 
     def _counters(self) -> dict[str, float]:
         """By the names that the process engine has."""
@@ -250,17 +253,20 @@ class _Run:
             "replacements": self.ends["replaced"],
         }
 
-    def _lateness(self) -> tuple[Lateness, Lateness]:
-        """Of timers and messages in the handlers' queues; without a handling time nothing ever waits."""
+    def _lateness(self) -> tuple[Lateness | None, Lateness | None]:
+        """Of timers and of messages, in the handlers' queues; None where there were none."""
         shared = self.shared
-        timer, handled = percentiles(shared.timer_late), percentiles(shared.handled_late)
-        return (Lateness(*timer) if timer else NEVER_LATE, Lateness(*handled) if handled else NEVER_LATE)
+        found = percentiles(shared.timer_late), percentiles(shared.handled_late)
+        if shared.handling_s == 0:  # nothing ever waits, which a histogram cannot say
+            found = tuple(late and (0.0, 0.0, 0.0) for late in found)
+        timer, handled = (None if late is None else Lateness(*late) for late in found)
+        return timer, handled
 
     def _watch_thaws(self, snapshot: Snapshot) -> None:
         alive = snapshot.alive
         if not alive.any():
             return
-        epoch = np.array([fls.machine.epoch for fls in self.flss])
+        epoch = np.fromiter(map(_epoch, self.flss), np.int64, len(self.flss))
         started = self.shared.counts[Count.THAWS_STARTED]
         sight = Sight(snapshot.t_s, snapshot.lit[alive], snapshot.swarm[alive], epoch[alive], started)
         if order := self.thaws.order(sight):
@@ -279,10 +285,10 @@ class _Run:
             result.wall_s = time.monotonic() - self._went_wall
         result.counters = self._counters()
         result.processes = 1
-        result.timer_late_ms, result.handled_late_ms = self._lateness()
+        late = result.timer_late_ms, result.handled_late_ms = self._lateness()
+        result.faithful = faithful(*late, self.config.lease_ms)
         if result.wall_s > 0:
             result.time_scale = result.emulated_s / result.wall_s
-            result.faithful = True  # virtual time waits for whoever computes
         result.extra = {"events": self.trace.events(), "trace_sha256": self.trace.sha256()}
         for witness in self.witnesses:
             result.extra |= witness.summary()

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from swarmer.engines.result import Witness
 from swarmer.engines.virtual_radio import RUN, Air
 from swarmer.engines.virtual_time import FREE, HELD, OUTGOING, Agenda
-from swarmer.fls import DEPARTED, FAILED, FAILURE, NEVER, PRIORITY, REFUSED, BaseFls, FlsSpec
-from swarmer.messages import Message, Stamp, Swarm
+from swarmer.fls import DEPARTED, DUE, FAILED, FAILURE, LANDING, NEVER, PRIORITY, REFUSED, BaseFls, FlsSpec
+from swarmer.messages import ZERO, Message, Stamp, Swarm
 from swarmer.metrics.lateness import bucket
 from swarmer.plan import Rules
 from swarmer.protocol.events import Received
@@ -25,6 +25,9 @@ from swarmer.telemetry import Wire
 
 __all__ = ["DEPARTED", "FAILED", "Shared", "VirtualFls"]
 
+# A named tuple's own `__new__` costs as much as handling a message: in the hottest lines it is passed by.
+_new = tuple.__new__
+NO_GRID, FARTHEST = Stamp(0, 0, ZERO, 0.0)[4:]  # there is no kernel here that would filter by them
 HALF_WINDOW = WINDOW // 2
 _DELIVERED = int(Wire.DELIVERED)
 
@@ -108,7 +111,7 @@ class VirtualFls(BaseFls):
             self._busy_until = now + self._handling_s
             self.shared.handled_late[0] += 1
             self._heard_from = stamp.origin
-            self.feed(Received(message), stamp)
+            self.feed(_new(Received, (message, False)), stamp)
 
     def note(self, message: Message, stamp: Stamp) -> None:
         """Noting takes no time, but a handler that is busy."""
@@ -169,7 +172,10 @@ class VirtualFls(BaseFls):
             return
         self.due[what] = NEVER
         self.shared.timer_late[0] += 1
-        self.take_due(what)
+        if what < LANDING:
+            self.feed(DUE[what])
+        else:
+            self.take_due(what)
 
     def tuned(self, old: Swarm) -> None:
         self._air.tune(self, old, self.ears.swarm)
@@ -198,7 +204,9 @@ class VirtualFls(BaseFls):
             now = self._agenda.now
             self._air.hurries(self.fid, now - self._half_window_s)
             self._half_window_s = now
-        return Stamp(RUN, number, self.position(), sent_at)
+        flight = self.flight
+        origin = flight.start if flight.length == 0.0 else self.position()
+        return _new(Stamp, (RUN, number, origin, sent_at, NO_GRID, FARTHEST))
 
     def send_later(self, delay_s: float, message: Message, stamp: Stamp) -> None:
         self._agenda.put(self._agenda.now + delay_s, OUTGOING, self, message, stamp)

@@ -23,6 +23,7 @@ COUNTERS = (
     "bytes_sent",
     "bytes_delivered",
     "failures",
+    "departures",
     "replacements",
     "handled",
     "ignored",
