@@ -1,9 +1,9 @@
 """One FLS, whatever engine it lives in: what its network role and its handler role do with a datagram and with time.
 
 The network role (`hear`) asks the radio's rules, answers races at once (rules 8 and 9) and passes the rest on. The
-handler role alone mutates: it takes one message, timer or landing, feeds the pure state machine and performs the actions
-that come back. Where datagrams and moments come from and go to is the business of an engine: `fls_process.Fls` has
-sockets and a clock, `engines.virtual_fls.VirtualFls` an agenda.
+handler role alone mutates: it takes one message, timer or landing, feeds the pure state machine and performs the
+actions that come back. Where datagrams and moments come from and go to is the business of an engine: `fls_process.Fls`
+has sockets and a clock, `engines.virtual_fls.VirtualFls` an agenda.
 """
 
 from __future__ import annotations

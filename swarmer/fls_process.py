@@ -1,8 +1,8 @@
 """One FLS as an OS process (section 6): what its network thread and its handler thread do, whichever loop runs them.
 
-What becomes of a datagram, a timer, a landing is `fls.BaseFls`, as in every engine. Here are the sockets, the clock, the
-slot in shared memory, and who may touch what: the network role reads what the handler last published and nothing else
-of it.
+What becomes of a datagram, a timer, a landing is `fls.BaseFls`, as in every engine. Here are the sockets, the clock,
+the slot in shared memory, and who may touch what: the network role reads what the handler last published and nothing
+else of it.
 """
 
 from __future__ import annotations

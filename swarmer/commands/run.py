@@ -97,6 +97,8 @@ def run(config: RunConfig, out: Path | None, live: bool, as_json: bool) -> int:
     plan = make_plan(config)
     with make_engine(plan) as engine:
         tell_plan(plan)
+        for line in config.ignored():
+            click.echo(f"note: {line}", err=True)
         directory = RunDirectory.create(out, config.shape, config.seed, sys.argv)
         collector = Collector(directory, Panel(), live)
         result = play(engine, collector)

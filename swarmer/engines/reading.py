@@ -40,7 +40,7 @@ NAMES: dict[str, tuple[int, ...]] = {
 }
 
 
-def totals_of(counts: Sequence[int] | NDArray[np.int64], signed: bool) -> dict[str, float]:
+def totals_of(counts: Sequence[int] | NDArray[np.uint64], signed: bool) -> dict[str, float]:
     """What all FLSs together have counted, by name. signed: every datagram carries a MAC."""
     totals: dict[str, float] = {name: sum(int(counts[at]) for at in places) for name, places in NAMES.items()}
     size = MAX_SIZE if signed else SIZE  # of every datagram

@@ -39,10 +39,11 @@ from swarmer.telemetry import COUNTERS
 if TYPE_CHECKING:
     from types import FrameType
 
-    from swarmer.fls import FlsSpec
     from swarmer.plan import Plan
 
 TOLD_EVERY = 500  # FLSs made between two words on how far the launch is
+NEVER_LATE = Lateness(0.0, 0.0, 0.0)
+BEAT_S = 1.0  # wall seconds without a sample after which the observer is told that the run lives
 COLLECT_EVERY = 100_000  # objects more than before: Python's own 700 costs some per cent of a run
 _state, _epoch = attrgetter("machine.state"), attrgetter("machine.epoch")
 
@@ -88,7 +89,7 @@ class _Run:
         self._latency_rng = stream(plan.config.seed, "latency")  # of what the engine says
         self._numbers = counting(1)
         self._samples = 0
-        self._went_wall = 0.0
+        self._went_wall = self._told_wall = 0.0
 
     # -- the life of a run ---------------------------------------------------------------------------------------
 
@@ -100,6 +101,7 @@ class _Run:
                 self._launch()
                 self._went_wall = time.monotonic()
                 result.launch_s = self._went_wall - began
+                gc.freeze()
                 if not self.stopping:
                     self.observer.go(result.launch_s)
                     self.agenda.put(0.0, SAMPLE, None)
@@ -169,6 +171,13 @@ class _Run:
                 self._go_on(what, fls, one, two)
             if len(values) >= full:
                 trace.hash_values()
+                self._beat()
+
+    def _beat(self) -> None:
+        """Between two samples may pass long: let the observer show that the run lives."""
+        if time.monotonic() - self._told_wall > BEAT_S:
+            self._told_wall = time.monotonic()
+            self.observer.beat(self.agenda.now)
 
     def _deliver(self, arrivals: list[tuple[float, VirtualFls]], message: Message, stamp: Stamp) -> None:
         """A datagram to many: one after the other, until something else comes before the next one."""
@@ -219,6 +228,7 @@ class _Run:
         """Take a sample, and put down the next one."""
         now, config = self.agenda.now, self.config
         self.result.emulated_s = now
+        self._told_wall = time.monotonic()
         snapshot = self._snapshot(now)
         self._watch_thaws(snapshot)
         if self.observer.sample(snapshot) or now >= config.duration_s:
@@ -255,12 +265,10 @@ class _Run:
 
     def _lateness(self) -> tuple[Lateness | None, Lateness | None]:
         """Of timers and of messages, in the handlers' queues; None where there were none."""
-        shared = self.shared
-        found = percentiles(shared.timer_late), percentiles(shared.handled_late)
-        if shared.handling_s == 0:  # nothing ever waits, which a histogram cannot say
-            found = tuple(late and (0.0, 0.0, 0.0) for late in found)
-        timer, handled = (None if late is None else Lateness(*late) for late in found)
-        return timer, handled
+        timer, handled = percentiles(self.shared.timer_late), percentiles(self.shared.handled_late)
+        if self.shared.handling_s == 0:  # nothing ever waits, which a histogram cannot say
+            return (timer and NEVER_LATE, handled and NEVER_LATE)
+        return (timer and Lateness(*timer), handled and Lateness(*handled))
 
     def _watch_thaws(self, snapshot: Snapshot) -> None:
         alive = snapshot.alive

@@ -52,20 +52,22 @@ class VirtualFls(BaseFls):
     """The two roles of one FLS, called by `engines.virtual`."""
 
     __slots__ = (
-        "_agenda", "_air", "_busy_until", "_half_window_s", "_handling_s", "_latency_rng", "_noted", "_plain", "_waking", "alive", "fid",
-        "shared",
+        "_agenda", "_air", "_busy_until", "_half_window_s", "_handling_s", "_latency_rng", "_noted", "_plain",
+        "_waking", "alive", "fid", "shared",
     )  # fmt: skip
 
     def __init__(self, shared: Shared, spec: FlsSpec) -> None:
         self.shared, self.fid, self.alive = shared, spec.fid, True
         self._agenda, self._air, self._handling_s = shared.agenda, shared.air, shared.handling_s
         self._busy_until, self._waking = 0.0, False
-        self._half_window_s = -NEVER  # when it sent the last datagram whose number is a multiple of HALF_WINDOW
-        super().__init__(
-            RUN, shared.seed, shared.rules, spec, shared.counts, shared.counts, shared.witness
-        )
+        self._half_window_s = (
+            -NEVER
+        )  # when it sent the last datagram whose number is a multiple of HALF_WINDOW
+        super().__init__(RUN, shared.seed, shared.rules, spec, shared.counts, shared.counts, shared.witness)
         self._latency_rng = self.own_stream("latency")
-        self._noted = [NEVER] * len(self.due)  # when the agenda will look at it, which may be before it is due
+        self._noted = [NEVER] * len(
+            self.due
+        )  # when the agenda will look at it, which may be before it is due
         # Nothing but the radio's rules can stop a datagram here, and nobody watches.
         self._plain = self._receiver_rng is None and self.witness is None and not self._range_estimated
         self._air.join(self, spec)

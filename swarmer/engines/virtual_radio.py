@@ -54,15 +54,21 @@ class Air:
         self.count = len(points)
         self.flss: list[VirtualFls | None] = [None] * (self.count + 1)  # by FID, as what follows
         self.swarms: dict[Swarm, dict[int, VirtualFls]] = {}
-        self.listens = array("i", [0]) * (self.count + 1)  # to the swarm of which Swarm-ID; 0: to none, it is dark
+        self.listens = array("i", [0]) * (
+            self.count + 1
+        )  # to the swarm of which Swarm-ID; 0: to none, it is dark
         self._lit = 0
-        self._listed_by: list[list[int]] = [[] for _ in range(self.count + 1)]  # whose planned neighbour it is
+        self._listed_by: list[list[int]] = [
+            [] for _ in range(self.count + 1)
+        ]  # whose planned neighbour it is
         self._near: list[Sequence[int]] = [()] * (self.count + 1)
         self._distances: list[Sequence[float]] = [()] * (self.count + 1)
         self._places = np.zeros((self.count + 1, 3))  # at the last look, cells
         self._moved: dict[int, VirtualFls] = {}  # who has begun or ended a flight since, or still flies
         sender, receiver = EndRules(*rules.sender), EndRules(*rules.receiver)
-        self._longest_s = latency_s[1] + sender.longest_s + receiver.longest_s  # that a datagram is on its way
+        self._longest_s = (
+            latency_s[1] + sender.longest_s + receiver.longest_s
+        )  # that a datagram is on its way
         # By FID: may one of its datagrams come twice, or later than WINDOW younger ones, or after its successor's?
         # Only then need a receiver remember which it has had; all others would cost it much memory, and refuse none.
         self.doubtful = [bool(sender.duplicate or receiver.duplicate)] * (self.count + 1)

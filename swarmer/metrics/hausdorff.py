@@ -105,7 +105,7 @@ def _farthest_from(
     begin, some = 0, BATCH
     while begin < len(order) and apart[order[begin]] > known:
         rows = order[begin : begin + some]
-        known = max(known, float(tree.query(points[rows])[0].max()))
+        known = max(known, float(np.max(tree.query(points[rows])[0])))
         begin, some = begin + some, 2 * some
     return known
 

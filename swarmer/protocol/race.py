@@ -63,7 +63,9 @@ NOTE = Verdict(None, False, True, "noted")
 NOTE_AND_ANSWER = Verdict(NEIGHBOUR, False, True, "answered")
 CANCEL = Verdict(LEASE_CANCEL, False, False, "answered")
 
-JUDGED = frozenset((CHALLENGE_INIT, CHALLENGE_ACK))  # the only kinds of which `judge` may say anything but QUEUE
+JUDGED = frozenset(
+    (CHALLENGE_INIT, CHALLENGE_ACK)
+)  # the only kinds of which `judge` may say anything but QUEUE
 
 
 def judge(message: Message, state: Published, neighbours: frozenset[int], neighbour_reply: bool) -> Verdict:
