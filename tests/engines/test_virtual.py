@@ -319,3 +319,31 @@ def test_a_time_scale_is_refused_with_one_line(tmp_path):
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("error: time_scale: 0.5 is not for the engine virtual")
     assert done.stderr.count("\n") == 1
+
+
+# -- may it be trusted? ----------------------------------------------------------------------------------------------
+
+
+def test_flss_that_cannot_keep_up_are_not_faithful_by_the_rule_of_all_engines():
+    slow, watcher = fly(**{"virtual.handling_ms": 150, "lambda_ms": 100})
+    assert slow.handled_late_ms.p99 > watcher.plan.config.lease_ms / 2
+    assert slow.faithful is False
+    assert watcher.samples[-1].live.faithful is False
+    usual, watcher = fly()
+    assert (usual.faithful, watcher.samples[-1].live.faithful) == (True, True)
+
+
+def test_where_nothing_was_handled_nothing_is_known():
+    result, watcher = fly(duration_s=0.05)
+    assert result.counters["handled"] == 0
+    assert result.faithful is None
+    assert result.handled_late_ms is None
+    assert watcher.samples[-1].live.faithful is None
+
+
+def test_an_idle_handler_costs_no_lateness_and_a_handling_time_of_its_own():
+    result, _ = fly()
+    assert result.handled_late_ms.p50 == 0.05, "the smallest bucket: it was free"
+    without, _ = fly(**{"virtual.handling_ms": 0})
+    assert result.extra["trace_sha256"] != without.extra["trace_sha256"]
+    assert without.handled_late_ms.max == without.timer_late_ms.max == 0
