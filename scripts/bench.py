@@ -20,6 +20,7 @@ TABLES = {
     "micro": ("bench.micro:run", 3),
     "datagrams": ("bench.datagrams:run", 3),
     "clouds": ("bench.shapes:run", 1),
+    "virtual": ("bench.virtual:run", 1),
     "launch": ("bench.launch:run", 1),
     "loops": ("bench.loops:run", 1),
     "shapes": ("bench.full_runs:shapes", 1),

@@ -54,7 +54,7 @@ def default_yaml() -> str:
         indent = "  " if group else ""
         lines += ["", f"{group}:  # {group_doc(group)}"] if group else [""]
         for setting in settings:
-            comment = f"{setting.help}; {setting.allowed.rpartition(' (default ')[0]}"
+            comment = f"{setting.explained}; {setting.allowed.rpartition(' (default ')[0]}"
             if setting.default is None:
                 comment += f" ({setting.none})"
             wrapped = textwrap.wrap(comment, 105, break_long_words=False, break_on_hyphens=False)
@@ -91,7 +91,7 @@ def row(setting: Setting) -> str:
         allowed = kind + setting.span + unit + setting.besides
     if setting.none:
         allowed += f", or null: {setting.none}"
-    return f"| `{setting.name}` | `{as_yaml(setting.default)}` | {allowed} | {setting.help} |"
+    return f"| `{setting.name}` | `{as_yaml(setting.default)}` | {allowed} | {setting.explained} |"
 
 
 if __name__ == "__main__":

@@ -50,6 +50,7 @@ NEED_EPOCHS = (
     "census",
     "corner",
 )  # thaw policies: without epochs what is said of one counts in the next
+GAP_MS, BATTERY_S = 1.0, 0.1  # less makes storms of events in which emulated time stands still
 OFTEN = 600_000  # ms: the longest pause that makes sense
 
 
@@ -84,9 +85,15 @@ class RunConfig(Group):
         none="run to the end",
     )
     time_scale: float | Word = number(
-        "auto", "wall", 0.001, 10, "speed; auto is as fast as stays faithful here, at most 1", words=("auto",)
+        "auto",
+        "wall",
+        0.001,
+        10,
+        "speed; auto is as fast as stays faithful here, at most 1",
+        words=("auto",),
+        only="process",
     )
-    lambda_ms: float = number(500, "ms", 0, OFTEN, "mean time between two challenges of an FLS", above=True)
+    lambda_ms: float = number(500, "ms", 1, OFTEN, "mean time between two challenges of an FLS")
     epsilon_deg: float = number(5, "deg", 0, 45, "bound of the dead-reckoning angle error")
     eta: int | None = whole(
         None,
@@ -134,7 +141,7 @@ class RunConfig(Group):
         "bound", "Waiting ends after its bound, or at the next tick of the challenge timer"
     )
     fls_loop: Literal["single", "threads", "asyncio"] = choice(
-        "single", "how an FLS process is built: one thread, two, or asyncio"
+        "single", "how an FLS process is built: one thread, two, or asyncio", only="process"
     )
 
     range: Range = Range()
@@ -210,6 +217,14 @@ class RunConfig(Group):
             if (value := _at(self, fact.name)) != fact.default
         }
 
+    def ignored(self) -> list[str]:
+        """A line for each setting that was changed and that the engine does not heed."""
+        return [
+            f"{fact.name}: {as_yaml(value)} has no effect with the engine {self.engine}; only {fact.only} has it"
+            for fact in setting_facts()
+            if fact.only not in ("", self.engine) and (value := _at(self, fact.name)) != fact.default
+        ]
+
     def to_yaml(self) -> str:
         """The resolved settings as a file that makes the same run again."""
         head = (
@@ -234,10 +249,15 @@ def contradictions(config: RunConfig) -> list[str]:
     start, most = config.range.start_cells, config.range.max_cells
     if start is not None and most is not None and start > most:
         return [f"range.start_cells: {start:g} is more than range.max_cells, {most:g}"]
-    if config.challenge_on_available and not config.accept_gap_ms:
+    if config.challenge_on_available and config.accept_gap_ms < GAP_MS:
         # Two FLSs would challenge, accept and cancel without end, as fast as they can.
         return [
-            "accept_gap_ms: 0 is not allowed with challenge_on_available: true; milliseconds, more than 0"
+            f"accept_gap_ms: {config.accept_gap_ms:g} is not allowed with challenge_on_available: true; "
+            f"milliseconds, {GAP_MS:g} or more"
+        ]
+    if 0 < config.failure.battery_s < BATTERY_S:
+        return [
+            f"failure.battery_s: {config.failure.battery_s:g} is too short; 0, or seconds from {BATTERY_S:g}"
         ]
     if config.thaw.policy in NEED_EPOCHS and not config.epochs:
         return [

@@ -42,10 +42,9 @@ class Thaw(Group):
     h_s: float | None = number(
         None,
         "s",
-        0,
+        0.01,
         FAR,
         "H, the shortest time from thaw to thaw",
-        above=True,
         none="log2 of the number of points",
     )
     spread: float = number(2, "", 1, 100, "the timer is uniform between H and this times H")
@@ -84,14 +83,16 @@ class Radio(Group):
         0, "ms", 0, 60_000, "the delay varies by up to this, both ways, never below zero"
     )
     mac: bool = flag(False, "sign every datagram and drop those that are not signed by this run")
-    carrier: Carrier = choice("auto", "how datagrams for several FLSs travel")
+    carrier: Carrier = choice("auto", "how datagrams for several FLSs travel", only="process")
     unicast_max: int = whole(
-        32, "", 0, FAR, "auto: up to so many addressees get a datagram each, more a broadcast"
+        32, "", 0, FAR, "auto: up to so many addressees get a datagram each, more a broadcast", only="process"
     )
-    kernel_filter: Literal["auto", "off"] = choice("auto", "filter broadcasts inside the kernel")
-    port: int = whole(0, "", 0, 65_535, "UDP port of the run; 0 is the first free one")
+    kernel_filter: Literal["auto", "off"] = choice(
+        "auto", "filter broadcasts inside the kernel", only="process"
+    )
+    port: int = whole(0, "", 0, 65_535, "UDP port of the run; 0 is the first free one", only="process")
     receive_buffer_kb: int = whole(
-        1024, "kB", 16, 1_048_576, "receive buffer of each socket, if the system grants it"
+        1024, "kB", 16, 1_048_576, "receive buffer of each socket, if the system grants it", only="process"
     )
 
     @property
@@ -186,16 +187,18 @@ class Recording(Group):
 class Process(Group):
     """The process engine alone."""
 
-    pin: bool = flag(True, "keep each FLS process on one core")
+    pin: bool = flag(True, "keep each FLS process on one core", only="process")
 
 
 class Virtual(Group):
     """The virtual-time engine alone."""
 
-    latency_min_ms: float = number(0.5, "ms", 0, 60_000, "shortest time that a datagram is on its way")
+    latency_min_ms: float = number(
+        0.5, "ms", 0, 60_000, "shortest time that a datagram is on its way", only="virtual"
+    )
     latency_max_ms: float = number(
-        1.5, "ms", 0, 60_000, "longest; each receiver of a datagram has a time of its own"
+        1.5, "ms", 0, 60_000, "longest; each receiver of a datagram has a time of its own", only="virtual"
     )
     handling_ms: float = number(
-        0, "ms", 0, 60_000, "time that an FLS takes for one message, while others queue"
+        0.15, "ms", 0, 60_000, "time that an FLS takes for one message, while others queue", only="virtual"
     )

@@ -16,7 +16,8 @@ import threading
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
 
-from swarmer.fls_process import NEVER, Fls
+from swarmer.fls import NEVER
+from swarmer.fls_process import Fls
 from swarmer.messages import MAX_SIZE
 from swarmer.telemetry import Phase
 
@@ -34,7 +35,7 @@ class Ear:
 
     def drain(self, sock: socket.socket) -> None:
         """Hear what is there, at most a burst of it."""
-        receive, hear, buffer, view = sock.recv_into, self.fls.hear, self._buffer, self._view
+        receive, hear, buffer, view = sock.recv_into, self.fls.receive, self._buffer, self._view
         try:
             for _ in range(BURST):
                 hear(view[: receive(buffer)])
@@ -67,7 +68,7 @@ def run_single(fls: Fls) -> None:
             ear.drain(sockets[fd])
         if fls.network_deadline() != NEVER:
             fls.release()
-        busy = fls.work() and (fls.has_messages or fls.deadline() <= fls.clock.now())
+        busy = fls.step() and (fls.has_messages or fls.deadline() <= fls.clock.now())
 
 
 def run_threads(fls: Fls) -> None:
@@ -77,7 +78,7 @@ def run_threads(fls: Fls) -> None:
     network = threading.Thread(target=_listen, args=(fls, doorbell), daemon=True, name="network")
     network.start()
     while fls.exit_status is None:
-        while fls.work():
+        while fls.step():
             fls.published = fls.machine.view()
         if fls.exit_status is not None or fls.has_messages:
             continue
@@ -138,7 +139,7 @@ async def _run_asyncio(fls: Fls) -> None:
         planned = False
         if fls.network_deadline() != NEVER:
             fls.release()
-        more = fls.work()
+        more = fls.step()
         if fls.exit_status is not None:
             ended.set()
         elif more:

@@ -104,6 +104,11 @@ class EndRules(NamedTuple):
     def perfect(self) -> bool:
         return not (self.loss or self.duplicate or self.reorder or self.delay_s or self.jitter_s)
 
+    @property
+    def longest_s(self) -> float:
+        """The longest that it may hold a datagram."""
+        return self.delay_s + self.jitter_s + (self.reorder_s if self.reorder else 0.0)
+
 
 DELIVERED_NOW: tuple[float, ...] = (0.0,)
 LOST: tuple[float, ...] = ()

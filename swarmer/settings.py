@@ -57,6 +57,7 @@ class Setting:
     words: tuple[Any, ...] = ()  # the choices; for a number: words that are taken besides
     later: tuple[str, ...] = ()  # choices of which we know that this version does not have them
     none: str = ""  # what null stands for; empty where null is not taken
+    only: str = ""  # the engine that alone heeds it; empty: every engine does
     name: str = ""
 
     @property
@@ -75,6 +76,12 @@ class Setting:
         if self.kind == "choice":
             return spelled(self.words)
         return self.span + self.besides
+
+    @property
+    def explained(self) -> str:
+        """The help, and which engine alone heeds the setting, where its group does not say so."""
+        said = not self.only or self.name.startswith(f"{self.only}.")
+        return self.help if said else f"{self.help} (engine {self.only} only)"
 
     @property
     def span(self) -> str:
@@ -191,7 +198,7 @@ CHECKS = {
 
 
 def number(default: Any, unit: str, low: float, high: float, help: str, **more: Any) -> Any:
-    """A real number within low and high; `more`: above, words, none."""
+    """A real number within low and high; `more`: above, words, none, only."""
     return _field(Setting("number", default, help, unit, low, high, **more))
 
 
@@ -200,14 +207,14 @@ def whole(default: int | None, unit: str, low: int, high: int, help: str, **more
     return _field(Setting("whole", default, help, unit, low, high, **more))
 
 
-def flag(default: bool, help: str) -> Any:
+def flag(default: bool, help: str, only: str = "") -> Any:
     """True or false."""
-    return _field(Setting("flag", default, help))
+    return _field(Setting("flag", default, help, only=only))
 
 
-def choice(default: Any, help: str, later: tuple[str, ...] = ()) -> Any:
+def choice(default: Any, help: str, later: tuple[str, ...] = (), only: str = "") -> Any:
     """One of the words of the field's own type, a Literal; `later`: words that another version takes."""
-    return _field(Setting("choice", default, help, later=later))
+    return _field(Setting("choice", default, help, later=later, only=only))
 
 
 def text(default: str, help: str) -> Any:

@@ -213,8 +213,9 @@ class StateMachine(Memory):
         if type(event) is Received:
             self._receive(event)
         elif type(event) is Due:
-            self._armed &= ~(1 << event.timer)
-            self._apply(_TIMERS + event.timer, None)
+            timer = event.timer
+            self._armed &= ~(1 << timer)
+            self._apply(_TIMERS + timer, None)
         elif type(event) is Landed:
             self._land()
         elif type(event) is Measured:
@@ -277,6 +278,7 @@ class StateMachine(Memory):
             return
         if key < _TIMERS:
             self.counts[HANDLED] += 1
-        rule.act(self, body)
-        if self.state not in rule.leads_to:
+        act, leads_to = rule
+        act(self, body)
+        if self.state not in leads_to:
             raise ProtocolBug(f"FLS {self.fid}: {key} in {state.name} led to {self.state.name}")

@@ -54,23 +54,20 @@ class Wire(IntEnum):
     """What an FLS counts besides the machine's `Count`, in places after it."""
 
     SENT = len(Count)
-    BYTES_SENT = len(Count) + 1
-    DELIVERED = len(Count) + 2
-    BYTES_DELIVERED = len(Count) + 3
-    LOST_SENDER = len(Count) + 4
-    LOST_RECEIVER = len(Count) + 5
-    OUT_OF_RANGE = len(Count) + 6
-    NOT_ADDRESSED = len(Count) + 7
-    REPLAYED = len(Count) + 8
-    BAD = len(Count) + 9
-    OTHER_RUN = len(Count) + 10
-    ANSWERED_AT_ONCE = len(Count) + 11
-    QUEUED = len(Count) + 12
-    DISTANCE_MICROCELLS = len(Count) + 13
-    FLIGHTS = len(Count) + 14
-    SEND_FAILED = len(Count) + 15
-    OWN_SWARM = len(Count) + 17  # challenges from the own swarm that no kernel filter stopped
-    WOKEN = len(Count) + 16  # by the engine
+    DELIVERED = len(Count) + 1
+    LOST_SENDER = len(Count) + 2
+    LOST_RECEIVER = len(Count) + 3
+    OUT_OF_RANGE = len(Count) + 4
+    NOT_ADDRESSED = len(Count) + 5
+    REPLAYED = len(Count) + 6
+    BAD = len(Count) + 7
+    OTHER_RUN = len(Count) + 8
+    ANSWERED_AT_ONCE = len(Count) + 9
+    DISTANCE_MICROCELLS = len(Count) + 10
+    FLIGHTS = len(Count) + 11
+    SEND_FAILED = len(Count) + 12
+    OWN_SWARM = len(Count) + 13  # challenges from the own swarm that no kernel filter stopped
+    WOKEN = len(Count) + 14  # by the engine
 
 
 COUNTERS = len(Count) + len(Wire)

@@ -40,6 +40,24 @@ def test_the_micro_table_has_a_figure_in_every_row():
     assert all(0 < cost < 100_000 for cost in figures.values())
 
 
+def test_a_run_in_virtual_time_is_measured_beside_the_reference_loop(monkeypatch, capsys):
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    from bench import virtual
+
+    monkeypatch.setattr(virtual, "RUNS", (("sphere", 2),))
+    monkeypatch.setattr(virtual, "SIZES", (20, 40, 80))
+    monkeypatch.setattr(virtual, "SCALING_S", 3.0)
+    virtual.run(1)
+    table = capsys.readouterr().out
+    assert "turns/event" in table
+    rows = {row.split()[0]: row.split()[1:] for row in table.splitlines() if row.startswith("  ")}
+    events, process_s, us = (float(rows["80"][at]) for at in (0, 1, 2))
+    assert events > 1000
+    assert us > 0
+    assert process_s > 0
+    assert "F^" in table
+
+
 def test_a_table_that_is_not_there_is_refused():
     done = bench("nope")
     assert done.returncode == 2

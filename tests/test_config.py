@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from swarmer.config import RunConfig, load_config, setting_facts
+from swarmer.config import BATTERY_S, RunConfig, load_config, setting_facts
 from swarmer.errors import BadInput
 from swarmer.settings import Setting
 from swarmer.settings_file import flat_layers, preset_dir, preset_names
@@ -158,6 +158,7 @@ def test_a_bad_value_is_refused_by_name(fact, data):
 @given(data=st.data())
 def test_a_good_value_survives_the_file(fact, data):
     value = data.draw(good_values(fact))
+    assume(fact.name != "failure.battery_s" or value == 0 or value >= BATTERY_S)  # a rule of its own
     besides = BESIDES.get(fact.name, {})
     config = RunConfig.from_flat({fact.name: value, **besides})
     assert RunConfig.from_flat(yaml_flat(config)) == config
@@ -204,8 +205,8 @@ def test_any_file_gives_a_config_or_one_line(tmp_path, text):
         ("anchor=lowset", "anchor: 'lowset' is not a choice; did you mean 'lowest'? lowest, largest, smallest, "
                           "challenger or random (default lowest)"),
         ("engine=rounds", "engine: 'rounds' is not in this version; process or virtual (default process)"),
-        ("lambda_ms=abc", "lambda_ms: 'abc' is not a number; milliseconds, above 0, up to 600000 (default 500)"),
-        ("lambda_ms=1:30", "lambda_ms: '1:30' is not a number; milliseconds, above 0, up to 600000 (default 500)"),
+        ("lambda_ms=abc", "lambda_ms: 'abc' is not a number; milliseconds, 1 to 600000 (default 500)"),
+        ("lambda_ms=1:30", "lambda_ms: '1:30' is not a number; milliseconds, 1 to 600000 (default 500)"),
         ("radio.mac=1", "radio.mac: 1 is neither true nor false; true or false (default false)"),
         ("seed", "--set: 'seed' is not NAME=VALUE, such as radio.loss=0.1"),
     ],

@@ -5,7 +5,8 @@ import socket
 import pytest
 
 from swarmer.config import load_config
-from swarmer.fls_process import MEASURED, NEVER, Fls, FlsSpec, RunSpec
+from swarmer.fls import MEASURED, NEVER, FlsSpec
+from swarmer.fls_process import Fls, RunSpec
 from swarmer.messages import NO_SWARM, Kind, Message, Stamp, Swarm, To, encode
 from swarmer.plan import make_rules
 from swarmer.protocol.events import Launch
@@ -30,32 +31,32 @@ def fls():
     shared = SharedMemory(SIZE)
     made = Fls(run, spec, shared)
     made.clock.set(Phase.GO, 1.0, 0.0)
-    made._feed(Launch(point), 0.0)  # a flight of no length: it lands where it stands
-    assert made.work()
+    made.feed(Launch(point))  # a flight of no length: it lands where it stands
+    assert made.step()
     assert made.machine.state is State.AVAILABLE
-    made._due = [NEVER] * len(made._due)
+    made.due = [NEVER] * len(made.due)
     yield made
     made.close()
 
 
 def say(fls, kind, sender, number, origin=(0.0, 0.0, 0.0), to=To.FLS, addressee=Swarm(3, 0), run=RUN, **more):
     message = Message(kind, sender, 0, 0, Swarm(sender, 0), 1, (5.0, 0.0, 0.0), to, addressee, **more)
-    fls.hear(encode(message, Stamp(run, number, origin, fls.clock.now())))
+    fls.receive(encode(message, Stamp(run, number, origin, fls.clock.now())))
 
 
 def test_it_measures_to_its_anchor_whoever_speaks_meanwhile(fls):
     say(fls, Kind.CHALLENGE_INIT, 1, 1, to=To.ALL, addressee=NO_SWARM, challenge=9, range=50.0)
-    assert fls.work()
+    assert fls.step()
     say(fls, Kind.CHALLENGE_ACK, 1, 2, origin=(4.0, 1.0, 0.0), challenge=9, other=Swarm(3, 0))
-    assert fls.work()
+    assert fls.step()
     assert fls.machine.state is State.BUSY_LOCALIZING
     say(fls, Kind.NEIGHBOUR, 2, 1, origin=(90.0, 90.0, 90.0))
-    assert fls.work()
+    assert fls.step()
     x = fls.position()
-    fls._due[MEASURED] = 0.0  # the samples are taken
+    fls.due[MEASURED] = 0.0  # the samples are taken
     measured = []
     fls.machine.settings = fls.machine.settings._replace(localizer=Recorder(measured))
-    assert fls.work()
+    assert fls.step()
     assert measured == [(4.0 - x[0], 1.0 - x[1], 0.0 - x[2])]
 
 
@@ -70,7 +71,7 @@ class Recorder:
 
 def test_what_is_not_for_it_is_counted_and_dropped(fls):
     counts = fls.network_counts
-    fls.hear(b"garbage")
+    fls.receive(b"garbage")
     say(fls, Kind.NEIGHBOUR, 2, 1, run=RUN + 1)
     say(fls, Kind.NEIGHBOUR, 2, 2, addressee=Swarm(4, 0))
     say(fls, Kind.NEIGHBOUR, SIZE + 1, 1)
@@ -81,8 +82,8 @@ def test_what_is_not_for_it_is_counted_and_dropped(fls):
     assert seen == {Wire.BAD: 2, Wire.OTHER_RUN: 1, Wire.NOT_ADDRESSED: 1, Wire.OUT_OF_RANGE: 1}
     assert counts[Wire.DELIVERED] == 1
     assert counts[Wire.REPLAYED] == 1
-    assert fls.work()
-    assert not fls.work()
+    assert fls.step()
+    assert not fls.step()
 
 
 def test_urgent_messages_go_first(fls):
@@ -91,6 +92,6 @@ def test_urgent_messages_go_first(fls):
     handled = []
     take = fls.machine.handle
     fls.machine.handle = lambda event, now: handled.append(Kind(event.message.kind)) or take(event, now)
-    while fls.work():
+    while fls.step():
         pass
     assert handled == [Kind.SET_WAITING, Kind.CHALLENGE_INIT]

@@ -131,6 +131,8 @@ def run(
     with ready as engine:
         directory = RunDirectory.create(out, config.shape, config.seed, sys.argv)
         tell_plan(plan)
+        for line in config.ignored():
+            click.echo(f"note: {line}", err=True)
         tell_changed_shape(plan, source)
         collector = Collector(directory, Panel(), live)
         if tracer:

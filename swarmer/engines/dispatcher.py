@@ -25,8 +25,9 @@ from typing import Any
 
 from swarmer.engines.specs import fls_spec, run_spec
 from swarmer.engines.warm_up import SPECIALISE, TOUCH, warm_up
+from swarmer.fls import FlsSpec
 from swarmer.fls_loops import LOOPS
-from swarmer.fls_process import DEPARTED_EXIT, FAILED_EXIT, Fls, FlsSpec, RunSpec
+from swarmer.fls_process import DEPARTED_EXIT, FAILED_EXIT, Fls, RunSpec
 from swarmer.telemetry import Clock, Life, Phase, SharedMemory, Slot
 
 PR_SET_PDEATHSIG = 1

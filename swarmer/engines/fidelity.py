@@ -60,14 +60,12 @@ class Tally:
         return lateness(self._marks[-1][2] - self._marks[0][2]) if self._marks else None
 
     def faithful(self, lease_ms: float) -> bool | None:
-        """Both p99 of the whole run within half a lease; None while no message was handled: that proves nothing."""
-        worst = self.worst_ms()
-        return None if worst is None or self.handled() is None else worst <= lease_ms / 2
+        """Is the whole run faithful so far?"""
+        return faithful(self.timer(), self.handled(), lease_ms)
 
     def worst_ms(self) -> float | None:
         """The larger of the two p99."""
-        known = [late.p99 for late in (self.timer(), self.handled()) if late is not None]
-        return max(known, default=None)
+        return worst_ms(self.timer(), self.handled())
 
     def suggestion(self, scale: float, lease_ms: float) -> float | None:
         """The time scale that would have kept the run faithful; None where it was."""
@@ -77,6 +75,17 @@ class Tally:
         # A delay in wall time weighs the less in emulated time the slower that goes.
         exact = scale * (lease_ms / 2) / worst
         return round(max(ROUND, int(exact / ROUND) * ROUND), 2)
+
+
+def faithful(timer: Lateness | None, handled: Lateness | None, lease_ms: float) -> bool | None:
+    """Both p99 within half a lease, whatever the engine; None while no message was handled: that proves nothing."""
+    worst = worst_ms(timer, handled)
+    return None if worst is None or handled is None else worst <= lease_ms / 2
+
+
+def worst_ms(timer: Lateness | None, handled: Lateness | None) -> float | None:
+    """The larger of the two p99; None if neither is known."""
+    return max((late.p99 for late in (timer, handled) if late is not None), default=None)
 
 
 def lateness(counts: NDArray[np.int64]) -> Lateness | None:

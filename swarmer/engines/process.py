@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Self
 from swarmer.engines.fidelity import Tally
 from swarmer.engines.governor import LOOK_S, Governor
 from swarmer.engines.limits import check_limits, children_of, private_mb
-from swarmer.engines.reading import counters_of, kernel_drops
+from swarmer.engines.reading import kernel_drops, totals_of
 from swarmer.engines.result import Event, Live, Observer, RunResult, Snapshot
 from swarmer.engines.specs import setup
 from swarmer.engines.thaws import Sight, ThawWatch
@@ -343,7 +343,7 @@ class _Run:
         )  # fmt: skip
 
     def _counters(self, sample: Sample) -> dict[str, float]:
-        return counters_of(sample) | {
+        return totals_of(sample.counters, self.config.radio.mac) | {
             "thaws": self.thaws.seen,
             "failures": self.events["failed"] + self.events["died"],
             "departures": self.events["departed"],

@@ -5,11 +5,15 @@ from __future__ import annotations
 import contextlib
 from typing import TYPE_CHECKING
 
+from swarmer.messages import MAX_SIZE, SIZE
 from swarmer.protocol.events import Count
 from swarmer.telemetry import Wire
 
 if TYPE_CHECKING:
-    from swarmer.telemetry import Sample
+    from collections.abc import Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
 
 BROADCAST_HEX = "FFFFFF7F"  # 127.255.255.255 as /proc/net/udp writes it
 
@@ -18,8 +22,6 @@ NAMES: dict[str, tuple[int, ...]] = {
     "datagrams_sent": (Wire.SENT,),
     "datagrams_delivered": (Wire.DELIVERED,),
     "datagrams_lost": (Wire.LOST_SENDER, Wire.LOST_RECEIVER),
-    "bytes_sent": (Wire.BYTES_SENT,),
-    "bytes_delivered": (Wire.BYTES_DELIVERED,),
     "localizations": (Count.LOCALIZATIONS,),
     "anchorings": (Count.ANCHORINGS,),
     "leases_granted": (Count.LEASES_GRANTED,),
@@ -38,12 +40,15 @@ NAMES: dict[str, tuple[int, ...]] = {
 }
 
 
-def counters_of(sample: Sample) -> dict[str, float]:
-    """Totals over all FLSs since their processes began."""
-    counts = sample.counters
+def totals_of(counts: Sequence[int] | NDArray[np.uint64], signed: bool) -> dict[str, float]:
+    """What all FLSs together have counted, by name. signed: every datagram carries a MAC."""
     totals: dict[str, float] = {name: sum(int(counts[at]) for at in places) for name, places in NAMES.items()}
-    totals["distance_cells"] = int(counts[Wire.DISTANCE_MICROCELLS]) / 1e6
-    return totals
+    size = MAX_SIZE if signed else SIZE  # of every datagram
+    return totals | {
+        "bytes_sent": totals["datagrams_sent"] * size,
+        "bytes_delivered": totals["datagrams_delivered"] * size,
+        "distance_cells": int(counts[Wire.DISTANCE_MICROCELLS]) / 1e6,
+    }
 
 
 def kernel_drops(port: int) -> int:

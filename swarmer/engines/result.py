@@ -79,6 +79,9 @@ class Observer(Protocol):
     def event(self, event: Event) -> None:
         """Something happened."""
 
+    def beat(self, t_s: float) -> None:
+        """Emulated second `t_s` is reached; told where computing from one sample to the next takes long."""
+
 
 class Seen(Protocol):
     """An FLS as a witness may read it."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
-from swarmer.fls_process import FlsSpec, RunSpec
+from swarmer.fls import FlsSpec
+from swarmer.fls_process import RunSpec
 from swarmer.plan import as_data, from_data
 from swarmer.radio import Grid
 from swarmer.udp_wrapper import Wires

@@ -94,6 +94,9 @@ class Watch:
     def event(self, event: Event) -> None:
         pass
 
+    def beat(self, t_s: float) -> None:
+        pass
+
     def ms_per_fls(self) -> float | None:
         """From the first FLSs that were ready to the last; the dispatcher's own start is not in it."""
         seen = [mark for mark in self.ready if mark[1]]

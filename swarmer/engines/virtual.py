@@ -13,38 +13,39 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from heapq import heappop
-from itertools import chain
 from itertools import count as counting
+from operator import attrgetter
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from swarmer.engines.reading import NAMES
+from swarmer.engines.fidelity import faithful
+from swarmer.engines.reading import totals_of
 from swarmer.engines.result import Event, Lateness, Live, Observer, RunResult, Snapshot, Witness
 from swarmer.engines.specs import fls_rows, fls_spec
 from swarmer.engines.thaws import Sight, ThawTally, ThawWatch
 from swarmer.engines.virtual_fls import FAILED, Shared, VirtualFls
-from swarmer.engines.virtual_queue import BusyFls
 from swarmer.engines.virtual_radio import RUN, Air
-from swarmer.engines.virtual_time import DATAGRAM, FREE, GROUP, HELD, SAMPLE, Agenda, Trace
+from swarmer.engines.virtual_time import DATAGRAM, FREE, GROUP, HELD, SAMPLE, SLOT, Agenda, Trace
 from swarmer.engines.witnesses import witness_of
 from swarmer.errors import RunFailed
-from swarmer.fls_process import LANDING
-from swarmer.messages import ENGINE_FID, MAX_SIZE, NO_SWARM, SIZE, ZERO, Kind, Message, Stamp, To
+from swarmer.fls import LANDING
+from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Kind, Message, Stamp, To
 from swarmer.metrics.lateness import BUCKETS, percentiles
 from swarmer.protocol.events import Count, ThawBegins
 from swarmer.streams import stream
-from swarmer.telemetry import COUNTERS, Wire
+from swarmer.telemetry import COUNTERS
 
 if TYPE_CHECKING:
     from types import FrameType
 
-    from swarmer.fls_process import FlsSpec
     from swarmer.plan import Plan
 
 TOLD_EVERY = 500  # FLSs made between two words on how far the launch is
-COLLECT_EVERY = 100_000  # objects more than before: Python's own 700 costs some per cent of a run
 NEVER_LATE = Lateness(0.0, 0.0, 0.0)
+BEAT_S = 1.0  # wall seconds without a sample after which the observer is told that the run lives
+COLLECT_EVERY = 100_000  # objects more than before: Python's own 700 costs some per cent of a run
+_state, _epoch = attrgetter("machine.state"), attrgetter("machine.epoch")
 
 
 class VirtualEngine:
@@ -74,7 +75,7 @@ class _Run:
         virtual = plan.config.virtual
         self.agenda, self.trace = Agenda(), Trace()
         latency_s = (virtual.latency_min_ms / 1e3, virtual.latency_max_ms / 1e3)
-        self.air = Air(self.agenda, latency_s, plan.cloud.points, plan.rules.range_estimated)
+        self.air = Air(self.agenda, latency_s, plan.cloud.points, plan.rules)
         self.shared = Shared(
             plan.config.seed, plan.rules, self.agenda, self.air, self._ended, self._thaw_begins,
             virtual.handling_ms / 1e3, [0] * COUNTERS, [0] * BUCKETS, [0] * BUCKETS, witness_of(witnesses),
@@ -84,14 +85,13 @@ class _Run:
         self.thaws, self.begun = ThawWatch(plan.rules), ThawTally(plan.rules)
         if plan.rules.thaw_policy == "centralized":
             self.air.on_single = self._look_at_thaws
-        self.events = 0
         self.ends = {"failed": 0, "departed": 0, "replaced": 0}
         self.stopping = False
         self.result = RunResult(VirtualEngine.name, "done", 0.0, 0.0)
         self._latency_rng = stream(plan.config.seed, "latency")  # of what the engine says
         self._numbers = counting(1)
         self._samples = 0
-        self._went_wall = 0.0
+        self._went_wall = self._told_wall = 0.0
 
     # -- the life of a run ---------------------------------------------------------------------------------------
 
@@ -103,6 +103,7 @@ class _Run:
                 self._launch()
                 self._went_wall = time.monotonic()
                 result.launch_s = self._went_wall - began
+                gc.freeze()
                 if not self.stopping:
                     self.observer.go(result.launch_s)
                     self.agenda.put(0.0, SAMPLE, None)
@@ -141,11 +142,8 @@ class _Run:
                 return
             if len(self.flss) % TOLD_EVERY == 0:
                 self.observer.launching(len(self.flss), self.plan.size)
-            self.flss.append(self._make(fls_spec(row)))
+            self.flss.append(VirtualFls(self.shared, fls_spec(row)))
         self.observer.launching(self.plan.size, self.plan.size)
-
-    def _make(self, spec: FlsSpec) -> VirtualFls:
-        return BusyFls(self.shared, spec) if self.shared.handling_s > 0 else VirtualFls(self.shared, spec)
 
     def _live(self) -> None:
         """Take what is next, until told to stop. There is always a sample to come, so the agenda is never empty."""
@@ -158,33 +156,40 @@ class _Run:
                 self._deliver(one, *two)
             elif what == DATAGRAM:
                 if fls.alive:
-                    self.events += 1
                     values += (at, fls.fid, one.kind, one.sender)
                     fls.hear(one, two)
             elif what < DATAGRAM:
                 if fls.look(what, at):  # else it was disarmed, armed anew, or its FLS is gone
-                    self.events += 1
                     values += (at, fls.fid, -1 - what, 0)
-                    fls.take_due(what)
+                    fls.fall_due(what)
                     if what == LANDING:
-                        values += (*fls.flight.start, 0)
+                        values += (*fls.position(), 0)
+                        self.trace.places += 1
+            elif what == SLOT:
+                agenda.next_slot()
             elif what == SAMPLE:
                 self._look()
             elif fls.alive:
                 self._go_on(what, fls, one, two)
             if len(values) >= full:
                 trace.hash_values()
+                self._beat()
 
-    def _deliver(self, arrivals: list[tuple[float, int, VirtualFls]], message: Message, stamp: Stamp) -> None:
+    def _beat(self) -> None:
+        """Between two samples may pass long: let the observer show that the run lives."""
+        if time.monotonic() - self._told_wall > BEAT_S:
+            self._told_wall = time.monotonic()
+            self.observer.beat(self.agenda.now)
+
+    def _deliver(self, arrivals: list[tuple[float, VirtualFls]], message: Message, stamp: Stamp) -> None:
         """A datagram to many: one after the other, until something else comes before the next one."""
         agenda, values = self.agenda, self.trace.values
         heap, kind, sender = agenda.heap, message.kind, message.sender
         while True:
-            at, fid, fls = arrivals.pop()
+            at, fls = arrivals.pop()
             if fls.alive:
                 agenda.now = at
-                self.events += 1
-                values += (at, fid, kind, sender)
+                values += (at, fls.fid, kind, sender)
                 fls.hear(message, stamp)
             if not arrivals:
                 return
@@ -195,15 +200,13 @@ class _Run:
 
     def _go_on(self, what: int, fls: VirtualFls, message: Message, stamp: Stamp) -> None:
         """What was put off: by the radio at one of its ends, or by a handler that was busy."""
-        self.events += 1
         self.trace.values += (self.agenda.now, fls.fid, -1 - what, 0)
         if what == HELD:
             fls.arrive(message, stamp)
         elif what == FREE:
-            assert isinstance(fls, BusyFls)
             fls.wake()
         else:
-            fls.transmit(message, stamp)
+            fls.transmit(message, stamp, self.shared.counts)
 
     # -- ends and beginnings -------------------------------------------------------------------------------------
 
@@ -215,7 +218,9 @@ class _Run:
         self.observer.event(Event(now, kind, fid, text))
         if self.config.failure.replace:
             incarnation = fls.spec.incarnation + 1
-            self.flss[fid - 1] = self._make(fls.spec._replace(incarnation=incarnation, launch_at_s=now))
+            self.flss[fid - 1] = VirtualFls(
+                self.shared, fls.spec._replace(incarnation=incarnation, launch_at_s=now)
+            )
             self.ends["replaced"] += 1
             self.observer.event(Event(now, "replacement", fid, f"incarnation {incarnation} launched"))
 
@@ -225,6 +230,7 @@ class _Run:
         """Take a sample, and put down the next one."""
         now, config = self.agenda.now, self.config
         self.result.emulated_s = now
+        self._told_wall = time.monotonic()
         snapshot = self._snapshot(now)
         self._look_at_thaws()
         if self.observer.sample(snapshot) or now >= config.duration_s:
@@ -233,30 +239,26 @@ class _Run:
         self.agenda.put(min(self._samples / config.recording.rate_hz, config.duration_s), SAMPLE, None)
 
     def _snapshot(self, now: float) -> Snapshot:
-        flss = self.flss
-        lit = [fls.lit for fls in flss]
+        air, flss = self.air, self.flss
         wall = time.monotonic() - self._went_wall
-        live = Live(now / wall if wall > 0 else None, *self._lateness(), 1, None, True)
+        late = self._lateness()
+        swarm = np.array(air.listens, np.int32)[1:]  # the machines' own: they are asked after every event
         return Snapshot(
             t_s=now,
-            position=np.fromiter(chain.from_iterable(fls.position() for fls in flss), float).reshape(-1, 3),
-            swarm=np.array([fls.machine.swarm.xi if on else 0 for fls, on in zip(flss, lit, strict=True)], np.int32),
-            state=np.array([fls.machine.state for fls in flss], np.int8),
-            lit=np.array(lit, np.bool_),
-            alive=np.array([fls.alive for fls in flss], np.bool_),
+            position=air.places()[1:].copy(),
+            swarm=swarm,
+            state=np.frombuffer(bytearray(map(_state, flss)), np.int8),
+            lit=swarm != 0,
+            alive=np.array([fls is not None for fls in air.flss[1:]], np.bool_),
             counters=self._counters(),
-            live=live,
-        )  # fmt: skip
+            live=Live(
+                now / wall if wall > 0 else None, *late, 1, None, faithful(*late, self.config.lease_ms)
+            ),
+        )
 
     def _counters(self) -> dict[str, float]:
         """By the names that the process engine has."""
-        counts = self.shared.counts
-        size = MAX_SIZE if self.config.radio.mac else SIZE  # what it would take on the wire
-        totals: dict[str, float] = {name: sum(counts[at] for at in places) for name, places in NAMES.items()}
-        return totals | {
-            "bytes_sent": counts[Wire.SENT] * size,
-            "bytes_delivered": counts[Wire.DELIVERED] * size,
-            "distance_cells": counts[Wire.DISTANCE_MICROCELLS] / 1e6,
+        return totals_of(self.shared.counts, self.config.radio.mac) | {
             "thaws": self.thaws.seen,
             **self.begun.counters(),
             "failures": self.ends["failed"],
@@ -264,11 +266,12 @@ class _Run:
             "replacements": self.ends["replaced"],
         }
 
-    def _lateness(self) -> tuple[Lateness, Lateness]:
-        """Of timers and messages in the handlers' queues; without a handling time nothing ever waits."""
-        shared = self.shared
-        timer, handled = percentiles(shared.timer_late), percentiles(shared.handled_late)
-        return (Lateness(*timer) if timer else NEVER_LATE, Lateness(*handled) if handled else NEVER_LATE)
+    def _lateness(self) -> tuple[Lateness | None, Lateness | None]:
+        """Of timers and of messages, in the handlers' queues; None where there were none."""
+        timer, handled = percentiles(self.shared.timer_late), percentiles(self.shared.handled_late)
+        if self.shared.handling_s == 0:  # nothing ever waits, which a histogram cannot say
+            return (timer and NEVER_LATE, handled and NEVER_LATE)
+        return (timer and Lateness(*timer), handled and Lateness(*handled))
 
     def _thaw_begins(self, fls: VirtualFls, begins: ThawBegins) -> None:
         """Were all lit FLSs one swarm of the epoch that ends? `fls` itself is in the next one by now."""
@@ -278,16 +281,13 @@ class _Run:
 
     def _look_at_thaws(self) -> None:
         """Begin a thaw if that is the engine's to do, or see that one has begun."""
-        alive = [fls for fls in self.flss if fls.alive]
-        if not alive:
+        swarm = np.array(self.air.listens, np.int32)[1:]
+        alive = np.array([fls is not None for fls in self.air.flss[1:]], np.bool_)
+        if not alive.any():
             return
-        sight = Sight(
-            self.agenda.now,
-            np.array([fls.lit for fls in alive]),
-            np.array([fls.machine.swarm.xi if fls.lit else 0 for fls in alive], np.int32),
-            np.array([fls.machine.epoch for fls in alive]),
-            self.shared.counts[Count.THAWS_STARTED],
-        )
+        epoch = np.fromiter(map(_epoch, self.flss), np.int64, len(self.flss))
+        started = self.shared.counts[Count.THAWS_STARTED]
+        sight = Sight(self.agenda.now, (swarm != 0)[alive], swarm[alive], epoch[alive], started)
         if order := self.thaws.order(sight):
             self.begun.ordered(sight.t_s, order)
             message = Message(Kind.THAW, ENGINE_FID, 0, order.epoch, NO_SWARM, 0, ZERO, To.ALL)
@@ -305,12 +305,12 @@ class _Run:
             result.wall_s = time.monotonic() - self._went_wall
         result.counters = self._counters()
         result.processes = 1
-        result.timer_late_ms, result.handled_late_ms = self._lateness()
+        late = result.timer_late_ms, result.handled_late_ms = self._lateness()
+        result.faithful = faithful(*late, self.config.lease_ms)
         if result.wall_s > 0:
             result.time_scale = result.emulated_s / result.wall_s
-            result.faithful = True  # virtual time waits for whoever computes
         result.extra = {
-            "events": self.events,
+            "events": self.trace.events(),
             "trace_sha256": self.trace.sha256(),
             "first_thaw_at_one_swarm_s": self.begun.first_s,  # between two samples
         }

@@ -1,62 +1,35 @@
-"""One FLS in virtual time: what `fls_process.Fls` does with sockets and a clock, done with an agenda.
+"""One FLS in virtual time: what is due and what is on its way stands on an agenda, and a handler may be busy.
 
-The same machine, the same judge at the network's door, the same rules of the radio, the same flights and sensors, drawn
-from the same streams; only who calls differs.
+What becomes of a datagram, a timer, a landing is `fls.BaseFls`, as in an FLS process. A handler takes `handling_s` for
+every message (`virtual.handling_ms`): it acts at once and is busy for so long afterwards, while what comes waits in the
+order of an FLS process. The network role is never busy.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import count as counting
-from random import Random
-from typing import Any
 
 from swarmer.engines.result import Witness
 from swarmer.engines.virtual_radio import RUN, Air
-from swarmer.engines.virtual_time import HELD, OUTGOING, Agenda
-from swarmer.fls_process import BATTERY, FAILURE, LANDING, LAUNCH, MEASURED, NEVER, FlsSpec
-from swarmer.messages import ENGINE_FID, NO_SWARM, Message, Stamp, Vec3
-from swarmer.physics.dead_reckoning import MODELS as DEAD_RECKONING
-from swarmer.physics.flight import Flight, plan_flight, position_at
-from swarmer.plan import Rules, make_machine, make_sensor, make_velocity
-from swarmer.protocol import race
-from swarmer.protocol.events import (
-    Arm,
-    BatteryLow,
-    Depart,
-    Disarm,
-    Due,
-    Event,
-    Fly,
-    Landed,
-    Launch,
-    Measure,
-    Measured,
-    Received,
-    Send,
-    ThawBegins,
-    Timer,
-)
-from swarmer.radio import Ears, EndRules, ReplayWindow, fate, heard
-from swarmer.state_machine import Identity
-from swarmer.streams import stream
+from swarmer.engines.virtual_time import FREE, HELD, OUTGOING, Agenda
+from swarmer.fls import DEPARTED, DUE, FAILED, FAILURE, LANDING, NEVER, PRIORITY, REFUSED, BaseFls, FlsSpec
+from swarmer.messages import ZERO, Message, Stamp, Swarm
+from swarmer.metrics.lateness import bucket
+from swarmer.plan import Rules
+from swarmer.protocol.events import Received, ThawBegins
+from swarmer.protocol.race import JUDGED
+from swarmer.protocol.records import Counters
+from swarmer.radio import WINDOW, heard
 from swarmer.telemetry import Wire
 
-FAILED, DEPARTED = "failed", "departed"
+__all__ = ["DEPARTED", "FAILED", "Shared", "VirtualFls"]
 
-# As plain numbers: indexing by a member of an enum takes twice the time.
-_SENT, _DELIVERED, _REPLAYED = int(Wire.SENT), int(Wire.DELIVERED), int(Wire.REPLAYED)
-_LOST_SENDER, _LOST_RECEIVER = int(Wire.LOST_SENDER), int(Wire.LOST_RECEIVER)
-_ANSWERED_AT_ONCE, _FLIGHTS = int(Wire.ANSWERED_AT_ONCE), int(Wire.FLIGHTS)
-_DISTANCE = int(Wire.DISTANCE_MICROCELLS)
-_REFUSED = {
-    "run": Wire.OTHER_RUN, "sender": Wire.BAD, "address": Wire.NOT_ADDRESSED, "range": Wire.OUT_OF_RANGE,
-    "own": Wire.OWN_SWARM,
-}  # fmt: skip
-_DUE = tuple(map(Due, Timer))
-_LANDED = Landed()
-_STILL: Vec3 = (0.0, 0.0, 0.0)
+# A named tuple's own `__new__` costs as much as handling a message: in the hottest lines it is passed by.
+_new = tuple.__new__
+NO_GRID, FARTHEST = Stamp(0, 0, ZERO, 0.0)[4:]  # there is no kernel here that would filter by them
+HALF_WINDOW = WINDOW // 2
+_DELIVERED = int(Wire.DELIVERED)
 
 
 @dataclass(slots=True, eq=False)
@@ -76,279 +49,173 @@ class Shared:
     witness: Witness | None = None
 
 
-class VirtualFls:
-    """The network role (`hear`) and the handler role (`take_message`, `take_due`) of one FLS.
-
-    It handles what reaches it at once; `virtual_queue.BusyFls` takes time for it.
-    """
+class VirtualFls(BaseFls):
+    """The two roles of one FLS, called by `engines.virtual`."""
 
     __slots__ = (
-        "_agenda", "_air", "_count", "_counts", "_dead_reckoning", "_flight_rng", "_fresh", "_heard_from",
-        "_latency_rng", "_machine_rng", "_measured_from", "_neighbour_reply", "_neighbours", "_noted",
-        "_numbers", "_range_estimated", "_receiver_rng", "_receiver_rules", "_sender_rng", "_sender_rules",
-        "_sensor", "_sensor_rng", "_velocity", "_witness", "alive", "due", "ears", "fid", "flight", "machine", "shared",
-        "spec",
+        "_agenda", "_air", "_busy_until", "_half_window_s", "_handling_s", "_latency_rng", "_noted", "_plain",
+        "_waking", "alive", "fid", "shared",
     )  # fmt: skip
 
     def __init__(self, shared: Shared, spec: FlsSpec) -> None:
-        rules = shared.rules
-        self.shared, self.spec, self.fid, self.alive = shared, spec, spec.fid, True
-        self._agenda, self._air, self._counts = shared.agenda, shared.air, shared.counts
-        self._witness = shared.witness
-        self._count = rules.count
-        self._velocity, self._sensor = make_velocity(rules), make_sensor(rules)
-        self._dead_reckoning = DEAD_RECKONING[rules.dead_reckoning]
-        self._sender_rules, self._receiver_rules = EndRules(*rules.sender), EndRules(*rules.receiver)
-        self._range_estimated, self._neighbour_reply = rules.range_estimated, rules.neighbour_reply
-        self._draw_streams()
-        self.machine = make_machine(
-            rules, Identity(spec.fid, spec.incarnation, spec.truth), spec.neighbours, spec.reach,
-            self._machine_rng, shared.counts, spec.epoch,
-        )  # fmt: skip
-        self._neighbours = self.machine.beliefs.neighbours
-        self.flight = Flight(spec.origin, _STILL, 0.0, 0.0, 0.0)
-        self.ears = Ears(RUN, spec.fid, NO_SWARM, spec.truth, self._neighbours)
-        self._fresh = ReplayWindow().fresh
-        self._numbers = counting(1)
-        self._heard_from = self._measured_from = _STILL
-        self.due = [NEVER] * (FAILURE + 1)  # when what this FLS waits for is due
-        self._noted = [NEVER] * (FAILURE + 1)  # when the agenda will look at it, which may be earlier
+        self.shared, self.fid, self.alive = shared, spec.fid, True
+        self._agenda, self._air, self._handling_s = shared.agenda, shared.air, shared.handling_s
+        self._busy_until, self._waking = 0.0, False
+        self._half_window_s = (
+            -NEVER
+        )  # when it sent the last datagram whose number is a multiple of HALF_WINDOW
+        super().__init__(RUN, shared.seed, shared.rules, spec, shared.counts, shared.counts, shared.witness)
+        self._latency_rng = self.own_stream("latency")
+        self._noted = [NEVER] * len(
+            self.due
+        )  # when the agenda will look at it, which may be before it is due
+        # Nothing but the radio's rules can stop a datagram here, and nobody watches.
+        self._plain = self._receiver_rng is None and self.witness is None and not self._range_estimated
         self._air.join(self, spec)
-        now = self._agenda.now
-        if self._witness is not None:
-            self._witness.made(self, now)
-        self._wait(LAUNCH, spec.launch_at_s)
-        if rules.failure_rate > 0:
-            self._wait(FAILURE, now + self._stream("failure").expovariate(rules.failure_rate))
-        if rules.battery_s > 0:
-            self._wait(BATTERY, now + rules.battery_s)
+        if self.witness is not None:
+            self.witness.made(self, self._agenda.now)
+        self.begin()
 
-    def _draw_streams(self) -> None:
-        """The streams of `fls_process`, those that this run draws from, and one for latencies."""
-        rules, seed = self.shared.rules, self.shared.seed
-        shared = rules.deploy_shared_error and self.spec.incarnation == 0
-        self._flight_rng = stream(seed, "flight") if shared else self._stream("flight")
-        self._machine_rng = stream(seed, "machine") if shared else self._stream("machine")
-        self._latency_rng = self._stream("latency")
-        self._sender_rng = None if self._sender_rules.perfect else self._stream("sender")
-        self._receiver_rng = None if self._receiver_rules.perfect else self._stream("receiver")
-        self._sensor_rng = self._stream("sensor")
-
-    def _stream(self, purpose: str) -> Random:
-        return stream(self.shared.seed, purpose, self.fid, self.spec.incarnation)
+    def now(self) -> float:
+        """The emulated second."""
+        return self._agenda.now
 
     # -- the network role ----------------------------------------------------------------------------------------
 
     def hear(self, message: Message, stamp: Stamp) -> None:
-        """Take one datagram off the air."""
-        here = self.position() if self._range_estimated else None
-        refusal = heard(message, stamp, self.ears, self._count, here)
+        """As in every engine, by a short way for most datagrams: those that nothing but the radio's rules can stop."""
+        if not self._plain:
+            super().hear(message, stamp)
+            return
+        counts = self.network_counts
+        refusal = heard(message, stamp, self.ears, self._count)
         if refusal is not None:
-            self._counts[_REFUSED[refusal]] += 1
-            self._tell_fate(message, stamp, refusal)
-            return
-        rng = self._receiver_rng
-        if rng is None or message.sender == ENGINE_FID:
+            counts[REFUSED[refusal]] += 1
+        elif message.kind in JUDGED or self._air.doubtful[message.sender]:
             self.arrive(message, stamp)
-            return
-        copies = fate(self._receiver_rules, rng)
-        if not copies:
-            self._counts[_LOST_RECEIVER] += 1
-            self._tell_fate(message, stamp, "lost")
-        for delay in copies:
-            if delay > 0.0:
-                self._tell_fate(message, stamp, "delayed")
-                self._agenda.put(self._agenda.now + delay, HELD, self, message, stamp)
-            else:
-                self.arrive(message, stamp)
+        else:
+            counts[_DELIVERED] += 1
+            self.queue(message, stamp)
 
-    def arrive(self, message: Message, stamp: Stamp) -> None:
-        """A datagram that the radio let through: judged, answered at once or handled."""
-        counts = self._counts
-        if not self._fresh(message.sender, message.incarnation, stamp.number):
-            counts[_REPLAYED] += 1
-            self._tell_fate(message, stamp, "replayed")
-            return
-        counts[_DELIVERED] += 1
-        machine = self.machine
-        verdict = race.judge(message, machine, self._neighbours, self._neighbour_reply)
-        if self._witness is not None:
-            self._tell_fate(message, stamp, _fate_of(verdict))
-        if verdict.queue:
-            self.take_message(message, stamp)
-            return
-        if verdict.reply is not None:
-            counts[_ANSWERED_AT_ONCE] += 1
-            spec = self.spec
-            self.send(race.answer(message, verdict.reply, machine, spec.fid, spec.incarnation, spec.truth))
-        if verdict.note:
+    def fresh(self, message: Message, stamp: Stamp) -> bool:
+        """Asks the window only about senders whose datagrams may come late or twice: it could not refuse the others."""
+        return not self._air.doubtful[message.sender] or super().fresh(message, stamp)
+
+    def hear_later(self, delay_s: float, message: Message, stamp: Stamp) -> None:
+        self._agenda.put(self._agenda.now + delay_s, HELD, self, message, stamp)
+
+    def queue(self, message: Message, stamp: Stamp) -> None:
+        """Handle a message at once, or let it wait for a handler that is busy."""
+        now = self._agenda.now
+        if self._waking or self._busy_until > now:
+            self.queues[PRIORITY[message.kind]].append((now, message, stamp))
+            self._wake_when_free()
+        else:
+            self._busy_until = now + self._handling_s
+            self.shared.handled_late[0] += 1
+            self._heard_from = stamp.origin
+            self.feed(_new(Received, (message, False)), stamp)
+
+    def note(self, message: Message, stamp: Stamp) -> None:
+        """Noting takes no time, but a handler that is busy."""
+        if self._waking or self._busy_until > self._agenda.now:
+            self.notes.append((message, stamp))
+            self._wake_when_free()
+        else:
             self.take_note(message, stamp)
-
-    def _tell_fate(self, message: Message, stamp: Stamp, fate: str) -> None:
-        if self._witness is not None:
-            self._witness.heard(self, message, stamp, fate, self._agenda.now)
 
     # -- the handler role ----------------------------------------------------------------------------------------
 
-    def take_message(self, message: Message, stamp: Stamp) -> None:
-        """Handle a message that the network role queued."""
-        self._heard_from = stamp.origin
-        self.feed(Received(message), stamp)
+    def taken_up(self, late_s: float) -> None:
+        self.shared.handled_late[bucket(late_s * 1e3)] += 1
+        self._busy_until = self._agenda.now + self._handling_s
 
-    def take_note(self, message: Message, stamp: Stamp) -> None:
-        """Note the sender's Swarm-ID."""
-        self.feed(Received(message, noted=True), stamp)
+    def timer_taken_up(self, late_s: float) -> None:
+        self.shared.timer_late[bucket(late_s * 1e3)] += 1
 
-    def take_due(self, what: int) -> None:
-        """Take up a timer, a landing, or what else this FLS waited for."""
-        if what < LANDING:
-            self.feed(_DUE[what])
-        elif what == LANDING:
-            end = position_at(self.flight, NEVER, self._velocity)
-            self.flight = Flight(end, _STILL, self._agenda.now, 0.0, 0.0)
-            self._air.moved(self)
-            self.feed(_LANDED)
-        elif what == MEASURED:
-            self._measure()
-        elif what == LAUNCH:
-            self.feed(_LANDED if self.shared.rules.deploy_random else Launch(self.spec.origin))
-        elif what == BATTERY:
-            self.feed(BatteryLow())
-        else:
-            self._end(FAILED)
+    def _wake_when_free(self) -> None:
+        if not self._waking:
+            self._waking = True
+            self._agenda.put(self._busy_until, FREE, self)
 
-    def feed(self, event: Event, cause: Stamp | None = None) -> None:
-        """One event to the machine, and what it wants done. cause: the stamp of an event that is a datagram."""
-        machine = self.machine
-        actions = machine.handle(event, self._agenda.now)
-        if self._witness is not None:
-            self._witness.handled(self, event, actions, cause, self._agenda.now)
-        if machine.swarm is not self.ears.swarm:
-            self._retune()
-        for action in actions:
-            kind = type(action)
-            if kind is Send:
-                self.send(action.message)  # type: ignore[union-attr]
-            elif kind is Arm:
-                self._wait(int(action.timer), action.at_s)  # type: ignore[union-attr]
-            elif kind is Disarm:
-                self.due[action.timer] = NEVER  # type: ignore[union-attr]
-            else:
-                self._perform(action)
+    def wake(self) -> None:
+        """The handling time of one message is over: go on with what is most urgent."""
+        self._waking = False
+        now = self._agenda.now
+        while self.alive and self._busy_until <= now:
+            if not self.work(now):
+                return
+        if self.alive and (self.notes or any(self.queues) or min(self.due) <= now):
+            self._wake_when_free()
 
-    def _perform(self, action: Any) -> None:
-        """What is seldom asked for."""
-        kind = type(action)
-        if kind is Fly:
-            self._fly(action.vector)
-        elif kind is Measure:
-            self._measured_from = self._heard_from
-            if self._sensor.delay_s > 0:
-                self._wait(MEASURED, self._agenda.now + self._sensor.delay_s)
-            else:
-                self._measure()
-        elif kind is ThawBegins:
-            self.shared.thaw_begins(self, action)
-        elif kind is Depart:
-            self._end(DEPARTED)
-
-    def _measure(self) -> None:
-        x, o = self.position(), self._measured_from
-        vector = self._sensor.measure((o[0] - x[0], o[1] - x[1], o[2] - x[2]), self._sensor_rng)
-        self.feed(Measured(vector))
-
-    def _fly(self, vector: Vec3) -> None:
-        rules, now, counts = self.shared.rules, self._agenda.now, self._counts
-        flown = self._dead_reckoning(vector, rules.epsilon, rules.dim, self._flight_rng)
-        self.flight = flight = plan_flight(self.position(), flown, now, self._velocity)
-        self._wait(LANDING, now + flight.duration_s)
-        self._air.moved(self)
-        if self._witness is not None:
-            self._witness.flew(self, vector, flight, now)
-        counts[_FLIGHTS] += 1
-        counts[_DISTANCE] += round(flight.length * 1e6)
-
-    def _wait(self, what: int, at_s: float) -> None:
-        """Wait until an emulated second, and no longer for what `what` was waited for before."""
-        self.due[what] = at_s = max(at_s, self._agenda.now)
+    def wait(self, what: int, at_s: float) -> None:
+        """Have the agenda look at it then."""
+        now = self._agenda.now
+        self.due[what] = at_s = at_s if at_s > now else now
         if at_s < self._noted[what]:  # else the agenda looks early enough, and then again
             self._noted[what] = at_s
             self._agenda.put(at_s, what, self)
 
     def look(self, what: int, at_s: float) -> bool:
-        """The agenda's note of `at_s` has come up: is that due now? Then it is taken off."""
+        """The agenda's note of `at_s` has come up: is that due now?"""
         if self._noted[what] != at_s:
             return False  # there was an earlier note since
         self._noted[what] = NEVER
         due_s = self.due[what]
         if due_s > at_s:
             if due_s < NEVER:
-                self._wait(what, due_s)
+                self.wait(what, due_s)
             return False
-        self.due[what] = NEVER
         return True
 
-    def _retune(self) -> None:
-        """Listen to the machine's swarm from now on; in the dark to none."""
-        machine, ears = self.machine, self.ears
-        if machine.awake:
-            self.ears = Ears(RUN, self.fid, machine.swarm, ears.truth, ears.neighbours)
-            if machine.swarm != ears.swarm:
-                self._air.tune(self, ears.swarm, machine.swarm)
+    def fall_due(self, what: int) -> None:
+        """Take up what is due, unless the handler is busy. A failure waits for nobody."""
+        if what != FAILURE and (self._waking or self._busy_until > self._agenda.now):
+            self._wake_when_free()
+            return
+        self.due[what] = NEVER
+        self.shared.timer_late[0] += 1
+        if what < LANDING:
+            self.feed(DUE[what])
+        else:
+            self.take_due(what)
 
-    def _end(self, how: str) -> None:
+    def tuned(self, old: Swarm) -> None:
+        self._air.tune(self, old, self.ears.swarm)
+
+    def moved(self) -> None:
+        self._air.moved(self)
+
+    def thaw_begins(self, begins: ThawBegins) -> None:
+        self.shared.thaw_begins(self, begins)
+
+    def end(self, how: str) -> None:
         self.alive = False
         self.due = [NEVER] * len(self.due)
         self._air.leave(self)
-        if self._witness is not None:
-            self._witness.ended(self, how, self._agenda.now)
+        if self.witness is not None:
+            self.witness.ended(self, how, self._agenda.now)
         self.shared.ended(self, how)
 
     # -- both ----------------------------------------------------------------------------------------------------
-
-    def position(self) -> Vec3:
-        """Where this FLS really is: for the radio's emulation of signals, never for the machine."""
-        flight = self.flight
-        if flight.length == 0.0:
-            return flight.start
-        return position_at(flight, self._agenda.now, self._velocity)
 
     @property
     def lit(self) -> bool:
         return self.alive and self.machine.awake
 
-    def send(self, message: Message) -> None:
-        """Stamp a message and put it on the air."""
-        now, counts = self._agenda.now, self._counts
-        counts[_SENT] += 1
-        rng = self._sender_rng
-        if rng is None:
-            stamp = Stamp(RUN, next(self._numbers), self.position(), now)
-            if self._witness is not None:
-                self._witness.sent(self, message, stamp, 1, now)
-            self._air.transmit(message, stamp, self._latency_rng, self)
-            return
-        copies = fate(self._sender_rules, rng)
-        delay = copies[0] if copies else 0.0
-        stamp = Stamp(RUN, next(self._numbers), self.position(), now + delay)
-        if self._witness is not None:
-            self._witness.sent(self, message, stamp, len(copies), now)
-        if not copies:
-            counts[_LOST_SENDER] += 1
-        for delay in copies:
-            if delay > 0.0:
-                self._agenda.put(now + delay, OUTGOING, self, message, stamp)
-            else:
-                self.transmit(message, stamp)
+    def stamp(self, message: Message, sent_at: float) -> Stamp:
+        """And let the radio know how fast it sends."""
+        number = next(self._numbers)
+        if number % HALF_WINDOW == 0:
+            now = self._agenda.now
+            self._air.hurries(self.fid, now - self._half_window_s)
+            self._half_window_s = now
+        flight = self.flight
+        origin = flight.start if flight.length == 0.0 else self.position()
+        return _new(Stamp, (RUN, number, origin, sent_at, NO_GRID, FARTHEST))
 
-    def transmit(self, message: Message, stamp: Stamp) -> None:
-        """A datagram leaves this FLS's own end of the radio."""
+    def send_later(self, delay_s: float, message: Message, stamp: Stamp) -> None:
+        self._agenda.put(self._agenda.now + delay_s, OUTGOING, self, message, stamp)
+
+    def transmit(self, message: Message, stamp: Stamp, counts: Counters) -> None:
         self._air.transmit(message, stamp, self._latency_rng, self)
-
-
-def _fate_of(verdict: race.Verdict) -> str:
-    if verdict.queue:
-        return "queued"
-    if verdict.reply is not None:
-        return "answered"
-    return "noted" if verdict.note else "dropped"

@@ -6,9 +6,10 @@ of them gets it after a latency of its own, and asks the rules again (docs/virtu
 
 from __future__ import annotations
 
+from array import array
 from bisect import bisect_right
 from collections.abc import Callable, Iterable
-from heapq import heappush
+from operator import itemgetter
 from random import Random
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from swarmer.engines.virtual_time import DATAGRAM, GROUP, Agenda
 from swarmer.messages import CHALLENGE_INIT, NO_SWARM, TO_FLS, TO_SWARM, Message, Stamp, Swarm
-from swarmer.radio import heard
+from swarmer.radio import EndRules, heard
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,9 +26,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from swarmer.engines.virtual_fls import VirtualFls
-    from swarmer.fls_process import FlsSpec
+    from swarmer.fls import FlsSpec
+    from swarmer.plan import Rules
 
 RUN = 1  # there is no other run on this air
+FEW = 64  # FLSs of other swarms that are asked one by one, wherever they are
+HAIR = 1e-6  # cells: more than two ways to compute a distance differ; the rules decide
+MANY = 24  # receivers for which arrays are the faster way
 AHEAD = 1.5  # a table that is too short is made to reach so many times as far as is asked for
 
 
@@ -39,28 +44,55 @@ class Air:
         agenda: Agenda,
         latency_s: tuple[float, float],
         points: NDArray[np.float64],
-        estimated: bool,
+        rules: Rules,
     ) -> None:
-        """latency_s: shortest, longest. points: (F, 3), cells. estimated: the range is one between real positions."""
+        """latency_s: shortest, longest. points: (F, 3), cells."""
         self.agenda = agenda
         self._lowest, self._span = latency_s[0], latency_s[1] - latency_s[0]
-        self._points, self._estimated = points, estimated
+        self._points, self._estimated = points, rules.range_estimated
         self._tree: Any = None
         self.count = len(points)
-        self.flss: list[VirtualFls | None] = [None] * (self.count + 1)  # by FID
+        self.flss: list[VirtualFls | None] = [None] * (self.count + 1)  # by FID, as what follows
         self.swarms: dict[Swarm, dict[int, VirtualFls]] = {}
+        self.listens = array("i", [0]) * (
+            self.count + 1
+        )  # to the swarm of which Swarm-ID; 0: to none, it is dark
+        self._lit = 0
+        self._listed_by: list[list[int]] = [
+            [] for _ in range(self.count + 1)
+        ]  # whose planned neighbour it is
         self.on_single: Callable[[], None] | None = None  # told when an FLS has joined or left the only swarm
         self._near: list[Sequence[int]] = [()] * (self.count + 1)
         self._distances: list[Sequence[float]] = [()] * (self.count + 1)
-        # (F + 1, 4): where an FLS is, or began to fly, and how far it flies. Only for ranges between positions.
-        self._places = np.zeros((self.count + 1, 4)) if estimated else None
+        self._places = np.zeros((self.count + 1, 3))  # at the last look, cells
+        self._moved: dict[int, VirtualFls] = {}  # who has begun or ended a flight since, or still flies
+        sender, receiver = EndRules(*rules.sender), EndRules(*rules.receiver)
+        self._longest_s = (
+            latency_s[1] + sender.longest_s + receiver.longest_s
+        )  # that a datagram is on its way
+        # By FID: may one of its datagrams come twice, or later than WINDOW younger ones, or after its successor's?
+        # Only then need a receiver remember which it has had; all others would cost it much memory, and refuse none.
+        self.doubtful = [bool(sender.duplicate or receiver.duplicate)] * (self.count + 1)
 
     def join(self, fls: VirtualFls, spec: FlsSpec) -> None:
         """A new FLS listens, in the place of its predecessor."""
         self.flss[fls.fid] = fls
         if not self._distances[fls.fid]:
             self._near[fls.fid], self._distances[fls.fid] = spec.near, spec.distances
+            for neighbour in spec.neighbours:
+                self._listed_by[neighbour].append(fls.fid)
+        if spec.incarnation:
+            self.doubtful[fls.fid] = True
         self.moved(fls)
+
+    def hurries(self, fid: int, seconds: float) -> None:
+        """This FLS has sent half a WINDOW of datagrams within so many emulated seconds.
+
+        A WINDOW and one more hold two multiples of half a WINDOW. So whoever never sends as many as that between two
+        of them while a datagram may be on its way has none that comes later than WINDOW younger ones.
+        """
+        if seconds <= self._longest_s:
+            self.doubtful[fid] = True
 
     def leave(self, fls: VirtualFls) -> None:
         """It neither sends nor hears any more; what it has sent is still on its way."""
@@ -75,15 +107,25 @@ class Air:
             del members[fls.fid]
             if not members:
                 del swarms[old]
+            self._lit -= 1
         if new != NO_SWARM:
             swarms.setdefault(new, {})[fls.fid] = fls
+            self._lit += 1
+        self.listens[fls.fid] = new.xi
         if self.on_single is not None and len(swarms) == 1:
             self.on_single()
 
     def moved(self, fls: VirtualFls) -> None:
         """It has begun or ended a flight."""
-        if self._places is not None:
-            self._places[fls.fid] = (*fls.flight.start, fls.flight.length)
+        self._moved[fls.fid] = fls
+
+    def places(self) -> NDArray[np.float64]:
+        """(F + 1, 3): where every FLS is now, cells; row 0 is nobody's."""
+        moved = self._moved
+        if moved:
+            self._places[list(moved)] = [fls.position() for fls in moved.values()]
+            self._moved = {fid: fls for fid, fls in moved.items() if fls.flight.length > 0.0}
+        return self._places
 
     def transmit(self, message: Message, stamp: Stamp, latency: Random, sender: VirtualFls | None) -> None:
         """Put a datagram on the air. sender: whom it cannot reach; None: the engine sends."""
@@ -93,9 +135,8 @@ class Air:
             one = self.flss[message.addressee.xi]
             if one is not None and one is not sender:
                 agenda = self.agenda
-                agenda.order = order = agenda.order + 1
                 at = agenda.now + self._lowest + self._span * latency.random()
-                heappush(agenda.heap, (at, order, DATAGRAM, one, message, stamp))
+                agenda.put(at, DATAGRAM, one, message, stamp)
             return
         if to == TO_SWARM:
             group = self.swarms.get(message.addressee, _NOBODY).values()
@@ -114,28 +155,41 @@ class Air:
         sender: VirtualFls | None,
     ) -> None:
         """One entry for all, latest first: the loop takes them off the end, each at its own moment."""
-        agenda, span, draw = self.agenda, self._span, latency.random
-        first = agenda.now + self._lowest
-        arrivals = [
-            (first + span * draw(), fls.fid, fls) for fls in group if fls is not None and fls is not sender
-        ]
-        if arrivals:
-            arrivals.sort(reverse=True)
-            agenda.put(arrivals[-1][0], GROUP, None, arrivals, (message, stamp))
+        receivers = [fls for fls in group if fls is not None and fls is not sender]
+        count, first, span = len(receivers), self.agenda.now + self._lowest, self._span
+        if count > MANY:
+            draws = next_draws(latency, count)
+            order = np.argsort(draws, kind="stable")[::-1]
+            moments = first + span * draws[order]
+            arrivals = list(zip(moments.tolist(), map(receivers.__getitem__, order.tolist()), strict=True))
+        elif receivers:
+            draw = latency.random
+            arrivals = [(first + span * draw(), fls) for fls in receivers]
+            arrivals.sort(key=_moment, reverse=True)
+        else:
+            return
+        self.agenda.put(arrivals[-1][0], GROUP, None, arrivals, (message, stamp))
 
     def _in_range(self, message: Message, stamp: Stamp, sender: VirtualFls) -> list[VirtualFls]:
         """Whom a challenge reaches, by the rules, at the moment of sending."""
-        count, flss = self.count, self.flss
-        if self._estimated:
-            return [
-                fls
-                for fid in self._placed_within(message.range, stamp)
-                if (fls := flss[fid]) and heard(message, stamp, fls.ears, count, fls.position()) is None
-            ]
+        count, flss, estimated = self.count, self.flss, self._estimated
+        swarm, me = message.swarm, sender.fid
+        members = self.swarms.get(swarm, _NOBODY)
+        near: Iterable[int]
+        if self._lit - len(members) <= FEW:  # its own swarm's challenge only its neighbours take
+            near = [fid for fid in self._listed_by[me] if fid in members]
+            near += [fid for one, found in self.swarms.items() if one != swarm for fid in found]
+        elif estimated:
+            near = self._placed_within(message.range, stamp)
+        else:
+            near = self._within(me, message.range)
         return [
             fls
-            for fid in self._within(sender.fid, message.range)
-            if (fls := flss[fid]) and heard(message, stamp, fls.ears, count) is None
+            for fid in near
+            # What most are refused for, their own swarm's challenge, is asked here, where it costs no call.
+            if (fls := flss[fid])
+            and ((ears := fls.ears).swarm != swarm or me in ears.neighbours)
+            and heard(message, stamp, ears, count, fls.position() if estimated else None) is None
         ]
 
     def _within(self, fid: int, reach: float) -> Sequence[int]:
@@ -153,15 +207,27 @@ class Air:
         rows = rows[rows != fid - 1]
         squared = ((self._points[rows] - point) ** 2).sum(axis=1)
         order = np.lexsort((rows, squared))
-        self._near[fid] = (rows[order] + 1).tolist()
-        self._distances[fid] = distances = np.sqrt(squared[order]).tolist()
+        self._near[fid] = array("i", (rows[order] + 1).astype(np.int32).tobytes())
+        self._distances[fid] = distances = array("d", np.sqrt(squared[order]).tobytes())
         return distances
 
     def _placed_within(self, reach: float, stamp: Stamp) -> list[int]:
-        """FIDs of whom may now be within `reach` cells of where a datagram comes from."""
-        assert self._places is not None
-        far = np.sqrt(((self._places[:, :3] - stamp.origin) ** 2).sum(axis=1)) - self._places[:, 3]
-        return np.flatnonzero(far <= reach).tolist()
+        """FIDs of whom are now within `reach` cells of where a datagram comes from."""
+        far = np.sqrt(((self.places() - stamp.origin) ** 2).sum(axis=1))
+        return np.flatnonzero(far <= reach + HAIR).tolist()
 
 
+def next_draws(rng: Random, count: int) -> NDArray[np.float64]:
+    """The next `count` numbers of `rng.random()`, bit for bit, without a call for each.
+
+    >>> next_draws(Random(1), 3).tolist() == [(one := Random(1)).random(), one.random(), one.random()]
+    True
+    """
+    # As CPython makes them: 27 bits of one word of the twister and 26 of the next.
+    words = np.frombuffer(rng.randbytes(8 * count), np.dtype("<u4"))
+    high, low = words[0::2] >> np.uint32(5), words[1::2] >> np.uint32(6)
+    return (high * 67_108_864.0 + low) / 9_007_199_254_740_992.0
+
+
+_moment = itemgetter(0)
 _NOBODY: dict[int, VirtualFls] = {}

@@ -15,6 +15,7 @@ from swarmer.errors import BadInput
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
+BATCH = 64  # points that are asked for their nearest in one go, at first
 Points = NDArray[np.float64]  # (n, 3), display cells
 
 
@@ -76,11 +77,14 @@ class HausdorffMeter:
         If no one is half the smallest spacing away from its own point, that point is everyone's nearest, and the
         other way round: the largest distance of a pair is the HD, and no tree is asked.
         """
-        farthest = float(np.sqrt(((moved - fixed) ** 2).sum(axis=1).max()))
+        apart = np.sqrt(((moved - fixed) ** 2).sum(axis=1))
+        farthest = float(apart.max())
         if farthest < self._half_spacing:
             return farthest
         tree = self._whole_tree if len(fixed) == len(self.truth) else _tree(fixed)
-        return _larger_of_both(moved, fixed, tree)
+        order = np.argsort(apart)[::-1]
+        one_way = _farthest_from(tree, moved, apart, order, 0.0)
+        return _farthest_from(_tree(moved), fixed, apart, order, one_way)
 
 
 def smallest_spacing(truth: Points, tree: cKDTree | None = None) -> float:
@@ -89,6 +93,22 @@ def smallest_spacing(truth: Points, tree: cKDTree | None = None) -> float:
         return float("inf")
     distances = np.asarray((tree or _tree(truth)).query(truth, k=2)[0])
     return float(distances[:, 1].min())
+
+
+def _farthest_from(
+    tree: cKDTree, points: Points, apart: NDArray[np.float64], order: NDArray[np.intp], known: float
+) -> float:
+    """The largest distance of a point to its nearest in `tree`, or `known` if that is larger.
+
+    No nearest is farther than the point's own partner, `apart` (n,) away. So they are asked by that, `order`, the
+    farthest first, until the rest cannot change the answer: a few of thousands.
+    """
+    begin, some = 0, BATCH
+    while begin < len(order) and apart[order[begin]] > known:
+        rows = order[begin : begin + some]
+        known = max(known, float(np.max(tree.query(points[rows])[0])))
+        begin, some = begin + some, 2 * some
+    return known
 
 
 def _larger_of_both(moved: Points, fixed: Points, fixed_tree: cKDTree) -> float:

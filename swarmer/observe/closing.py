@@ -77,6 +77,8 @@ def _trust(summary: dict[str, Any]) -> list[str]:
     late = f"p99 late: timers {_ms(timers)}, messages {_ms(handled)}"
     if summary["faithful"]:
         return [f"  faithful: {late}"]
+    if summary.get("engine") == "virtual":
+        return [f"  NOT FAITHFUL: the FLSs could not keep up with what they had to handle ({late})"]
     scale = summary.get("suggested_time_scale")
     advice = "" if scale is None else f"; --time-scale {scale:.2g} would do"
     return [f"  NOT FAITHFUL: this machine was too slow for this run ({late}){advice}"]

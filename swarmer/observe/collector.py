@@ -110,6 +110,11 @@ class Collector:
         if self._recording is not None:
             self._recording.event(event)
 
+    def beat(self, t_s: float) -> None:
+        """Show that the run lives."""
+        if self._panel is not None:
+            self._panel.beat(t_s)
+
     def finish(self, result: RunResult) -> dict[str, Any]:
         """Close everything, write the summary, and give it.
 

@@ -76,6 +76,15 @@ class Panel:
     def sample(self, snapshot: Snapshot, progress: Progress) -> None:
         """Take a sample; draw if it is time."""
         self._learn(snapshot, progress)
+        self._show()
+
+    def beat(self, t_s: float) -> None:
+        """No sample, but emulated second `t_s`; draw if it is time."""
+        self._view.t_s = t_s
+        self._view.wall_s = 0.0 if self._go_at is None else self._clock() - self._go_at
+        self._show()
+
+    def _show(self) -> None:
         if not self._due(DRAW_EVERY_S if self._terminal else PLAIN_EVERY_S):
             return
         if self._terminal:

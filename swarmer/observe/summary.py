@@ -26,6 +26,7 @@ COUNTERS = (
     "bytes_sent",
     "bytes_delivered",
     "failures",
+    "departures",
     "replacements",
     "handled",
     "ignored",

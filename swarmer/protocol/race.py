@@ -53,14 +53,19 @@ class Verdict(NamedTuple):
 
     reply: int | None  # answered at once
     queue: bool  # goes on to the handler
-    note: bool = False  # the handler only notes the sender's Swarm-ID
+    note: bool  # the handler only notes the sender's Swarm-ID
+    word: str  # for it
 
 
-QUEUE = Verdict(None, True)
-DROP = Verdict(None, False)
-NOTE = Verdict(None, False, True)
-NOTE_AND_ANSWER = Verdict(NEIGHBOUR, False, True)
-CANCEL = Verdict(LEASE_CANCEL, False)
+QUEUE = Verdict(None, True, False, "queued")
+DROP = Verdict(None, False, False, "dropped")
+NOTE = Verdict(None, False, True, "noted")
+NOTE_AND_ANSWER = Verdict(NEIGHBOUR, False, True, "answered")
+CANCEL = Verdict(LEASE_CANCEL, False, False, "answered")
+
+JUDGED = frozenset(
+    (CHALLENGE_INIT, CHALLENGE_ACK)
+)  # the only kinds of which `judge` may say anything but QUEUE
 
 
 def judge(message: Message, state: Published, neighbours: frozenset[int], neighbour_reply: bool) -> Verdict:

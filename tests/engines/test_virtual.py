@@ -17,8 +17,9 @@ from swarmer.config import load_config
 from swarmer.engines import virtual_fls
 from swarmer.engines.virtual import VirtualEngine
 from swarmer.errors import RunFailed
+from swarmer.fls import BaseFls
 from swarmer.messages import MAX_SIZE, SIZE
-from swarmer.plan import make_plan
+from swarmer.plan import make_machine, make_plan
 from swarmer.state_machine import State, StateMachine
 
 RUN = "from swarmer import cli; import sys; sys.argv[0] = 'swarmer-run'; cli.main_run()"
@@ -36,7 +37,7 @@ def test_a_small_sphere_becomes_one_swarm_and_stops_at_its_goal():
 
 def test_the_observer_is_called_in_the_order_that_it_can_rely_on():
     result, watcher = fly(duration_s=2.05, **{"recording.rate_hz": 4})
-    calls = [call for call in watcher.calls if call != "event"]
+    calls = [call for call in watcher.calls if call not in ("event", "beat")]
     assert calls == ["planned", "launching", "launching", "go"] + ["sample"] * 10
     assert watcher.ready == (40, 40)
     assert [snapshot.t_s for snapshot in watcher.samples] == [*(k / 4 for k in range(9)), 2.05]
@@ -78,13 +79,24 @@ def test_the_result_says_what_a_network_engine_says():
 
 
 def test_an_fls_is_the_one_that_a_process_has():
-    assert virtual_fls.make_machine is fls_process.make_machine
-    assert virtual_fls.race is fls_process.race
-    assert virtual_fls.heard is fls_process.heard
-    assert virtual_fls.fate is fls_process.fate
-    assert virtual_fls.ReplayWindow is fls_process.ReplayWindow
-    assert virtual_fls.plan_flight is fls_process.plan_flight
-    assert virtual_fls.make_machine.__annotations__["return"] == StateMachine.__name__
+    """One base, made once: what a datagram, a timer, a landing does is nowhere written twice."""
+    kinds = (fls_process.Fls, virtual_fls.VirtualFls)
+    shared = (
+        "arrive",
+        "_receive",
+        "feed",
+        "work",
+        "take_message",
+        "take_note",
+        "take_due",
+        "_fly",
+        "_measure",
+        "send",
+    )
+    for name in shared:
+        places = {next(kind for kind in one.__mro__ if name in vars(kind)) for one in kinds}
+        assert places <= {BaseFls, fls_process.Fls}, name
+    assert make_machine.__annotations__["return"] == StateMachine.__name__
 
 
 # -- ends ------------------------------------------------------------------------------------------------------------
@@ -307,3 +319,31 @@ def test_a_time_scale_is_refused_with_one_line(tmp_path):
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("error: time_scale: 0.5 is not for the engine virtual")
     assert done.stderr.count("\n") == 1
+
+
+# -- may it be trusted? ----------------------------------------------------------------------------------------------
+
+
+def test_flss_that_cannot_keep_up_are_not_faithful_by_the_rule_of_all_engines():
+    slow, watcher = fly(**{"virtual.handling_ms": 150, "lambda_ms": 100})
+    assert slow.handled_late_ms.p99 > watcher.plan.config.lease_ms / 2
+    assert slow.faithful is False
+    assert watcher.samples[-1].live.faithful is False
+    usual, watcher = fly()
+    assert (usual.faithful, watcher.samples[-1].live.faithful) == (True, True)
+
+
+def test_where_nothing_was_handled_nothing_is_known():
+    result, watcher = fly(duration_s=0.05)
+    assert result.counters["handled"] == 0
+    assert result.faithful is None
+    assert result.handled_late_ms is None
+    assert watcher.samples[-1].live.faithful is None
+
+
+def test_an_idle_handler_costs_no_lateness_and_a_handling_time_of_its_own():
+    result, _ = fly()
+    assert result.handled_late_ms.p50 == 0.05, "the smallest bucket: it was free"
+    without, _ = fly(**{"virtual.handling_ms": 0})
+    assert result.extra["trace_sha256"] != without.extra["trace_sha256"]
+    assert without.handled_late_ms.max == without.timer_late_ms.max == 0

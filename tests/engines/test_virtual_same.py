@@ -10,7 +10,7 @@ from random import Random
 import pytest
 from virtual_runs import fly, trace
 
-from swarmer.engines import virtual_fls
+from swarmer import fls
 from swarmer.physics.dead_reckoning import MODELS
 from swarmer.streams import stream
 
@@ -66,6 +66,15 @@ class Watched(Random):
         self.drawn.append(super().random())
         return self.drawn[-1]
 
+    def randbytes(self, n: int) -> bytes:
+        """As many numbers at once as `virtual_radio.next_draws` makes of them."""
+        before = self.getstate()
+        taken = super().randbytes(n)
+        self.setstate(before)
+        for _ in range(n // 8):
+            self.random()
+        return taken
+
 
 def drawn(monkeypatch, **settings):
     """What a run drew: purpose -> (FID, incarnation) -> numbers."""
@@ -75,7 +84,7 @@ def drawn(monkeypatch, **settings):
         found[purpose][fid, incarnation] = one = Watched(stream(seed, purpose, fid, incarnation))
         return one
 
-    monkeypatch.setattr(virtual_fls, "stream", watched)
+    monkeypatch.setattr(fls, "stream", watched)
     _, watcher = fly(**settings)
     return found, watcher
 

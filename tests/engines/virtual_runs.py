@@ -38,6 +38,9 @@ class Watcher:
         goal = self.plan.config.until_hd_cells
         return bool(self._on_sample(snapshot)) or self.progress.reached(goal)
 
+    def beat(self, t_s: float) -> None:
+        self.calls.append("beat")
+
     def event(self, event) -> None:
         self.calls.append("event")
         self.events.append(event)

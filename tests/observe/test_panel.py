@@ -157,3 +157,14 @@ def test_closing_lines_fit_the_terminal(tmp_path, width):
         "504 of 1,008 FLSs lit",
     ):
         assert part in text
+
+
+def test_while_emulated_time_stands_still_the_line_still_comes(fake):
+    out = io.StringIO()
+    panel = Panel(out, Clock(2.0))
+    panel.planned(fake.plan())
+    panel.go(0.1)
+    for _ in range(6):
+        panel.beat(3.25)
+    lines = [line for line in out.getvalue().splitlines() if "3.2" in line]
+    assert 2 <= len(lines) <= 3, "one in 5 seconds of the wall clock"
