@@ -58,6 +58,7 @@ DISPLAY = 10_000.0  # its diagonal, cells: everybody is in range of everybody un
 DELIVERIES = 1000  # of one `run`
 TIMERS = {
     "tick": Timer.CHALLENGE, "bound": Timer.BOUND, "lease": Timer.LEASE, "renew": Timer.RENEW, "thaw": Timer.THAW,
+    "report": Timer.REPORT,
 }  # fmt: skip
 OPTIONS = ("flying", "xi", "epoch", "incarnation", "neighbours", "with")  # of `given`
 BY_ITSELF = (Timer.BOUND, Timer.LEASE, Timer.RENEW)
@@ -182,7 +183,7 @@ class Stage:
 
     def _make(self, fid: int, incarnation: int, epoch: int, neighbours: Sequence[int] | None) -> Actor:
         config = load_config(None, self._overrides)
-        rules = make_rules(config, FLSS, 3, DISPLAY, find_technique(config.technique))
+        rules = make_rules(config, max(self._named), 3, DISPLAY, find_technique(config.technique))
         others = tuple(other for other in self._named if other != fid)
         truth = (APART * fid, 0.0, 0.0)
         machine = make_machine(

@@ -10,7 +10,7 @@ from virtual_runs import Watcher, fly
 from swarmer.config import load_config
 from swarmer.engines.result import Witness
 from swarmer.engines.virtual import VirtualEngine
-from swarmer.fls_process import FAILURE
+from swarmer.fls import FAILURE
 from swarmer.messages import Kind, Swarm
 from swarmer.plan import corners, make_plan
 from swarmer.protocol.events import ThawBegins
@@ -126,7 +126,7 @@ def test_the_owner_may_fail():
         def handled(self, fls, event, actions, cause, now_s):
             if self.at_s is None and fls.fid == 1 and len(fls.machine.thaw_policy._roll) >= 30:
                 self.at_s = now_s
-                fls._wait(FAILURE, now_s)
+                fls.wait(FAILURE, now_s)
 
     killer = Killer()
     plan = make_plan(
@@ -152,7 +152,8 @@ def test_where_swarm_ids_rise_wrong_thaws_are_few(policy, anchor):
 
 def test_the_roster_knows_a_latency_after_the_last_merge():
     """Without loss: after the last FLS took the last Swarm-ID comes one datagram, then the thaw (L3)."""
-    settings = {"thaw.policy": "roster", "virtual.latency_min_ms": 1, "virtual.latency_max_ms": 2, **NO_REST}
+    latency = {"virtual.latency_min_ms": 1, "virtual.latency_max_ms": 2, "virtual.handling_ms": 0}
+    settings = {"thaw.policy": "roster", **latency, **NO_REST}
     _, notary, _ = watched(**settings)
     assert len(notary.begins) > 3
     for t_s, _, begins in notary.begins:
