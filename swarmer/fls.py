@@ -248,7 +248,8 @@ class BaseFls(ABC):
             return
         counts[_DELIVERED] += 1
         verdict = race.judge(message, self.published, self._neighbours, self._neighbour_reply)
-        self.tell_fate(message, stamp, verdict.word)
+        if self.witness is not None:
+            self.tell_fate(message, stamp, verdict.word)
         if verdict.queue:
             self.queue(message, stamp)
             return

@@ -53,13 +53,14 @@ class VirtualFls(BaseFls):
     """The two roles of one FLS, called by `engines.virtual`."""
 
     __slots__ = (
-        "_agenda", "_air", "_busy_until", "_half_window_s", "_handling_s", "_latency_rng", "_noted", "_plain",
-        "_waking", "alive", "fid", "shared",
+        "_agenda", "_air", "_busy_until", "_half_window_s", "_handled_late", "_handling_s", "_latency_rng", "_noted",
+        "_plain", "_timer_late", "_waking", "alive", "fid", "shared",
     )  # fmt: skip
 
     def __init__(self, shared: Shared, spec: FlsSpec) -> None:
         self.shared, self.fid, self.alive = shared, spec.fid, True
         self._agenda, self._air, self._handling_s = shared.agenda, shared.air, shared.handling_s
+        self._timer_late, self._handled_late = shared.timer_late, shared.handled_late
         self._busy_until, self._waking = 0.0, False
         self._half_window_s = (
             -NEVER
@@ -112,7 +113,7 @@ class VirtualFls(BaseFls):
             self._wake_when_free()
         else:
             self._busy_until = now + self._handling_s
-            self.shared.handled_late[0] += 1
+            self._handled_late[0] += 1
             self._heard_from = stamp.origin
             self.feed(_new(Received, (message, False)), stamp)
 
@@ -127,11 +128,11 @@ class VirtualFls(BaseFls):
     # -- the handler role ----------------------------------------------------------------------------------------
 
     def taken_up(self, late_s: float) -> None:
-        self.shared.handled_late[bucket(late_s * 1e3)] += 1
+        self._handled_late[bucket(late_s * 1e3)] += 1
         self._busy_until = self._agenda.now + self._handling_s
 
     def timer_taken_up(self, late_s: float) -> None:
-        self.shared.timer_late[bucket(late_s * 1e3)] += 1
+        self._timer_late[bucket(late_s * 1e3)] += 1
 
     def _wake_when_free(self) -> None:
         if not self._waking:
@@ -174,7 +175,7 @@ class VirtualFls(BaseFls):
             self._wake_when_free()
             return
         self.due[what] = NEVER
-        self.shared.timer_late[0] += 1
+        self._timer_late[0] += 1
         if what < LANDING:
             self.feed(DUE[what])
         else:

@@ -44,7 +44,7 @@ from swarmer.protocol.records import BA, A, Accept, Counters, D, Identity, Machi
 if TYPE_CHECKING:
     from swarmer.protocol.thaw import ThawPolicy
 
-_new = tuple.__new__  # a named tuple's own costs twice the time, and these two are made all the time
+_new = tuple.__new__  # a named tuple's own costs twice the time, and these are made all the time
 UINT32_MAX = 0xFFFFFFFF  # what a datagram has room for
 
 
@@ -201,16 +201,13 @@ class Memory:
         size: int | None = None,
         reach: float | None = None,
     ) -> None:
-        self.actions.append(
-            Send(
-                _new(
-                    Message,
-                    (kind, self.fid, self.incarnation, self.epoch, self.swarm, self.size if size is None else size,
-                     self.truth, to, addressee, flags, challenge,
-                     self.settings.range_max if reach is None else reach, other, vector),
-                )
-            )
+        message = _new(
+            Message,
+            (kind, self.fid, self.incarnation, self.epoch, self.swarm, self.size if size is None else size,
+             self.truth, to, addressee, flags, challenge, self.settings.range_max if reach is None else reach,
+             other, vector),
         )  # fmt: skip
+        self.actions.append(_new(Send, (message,)))
 
     def tell(self, message: Message, kind: int, flags: int = 0, other: Swarm = NO_SWARM) -> None:
         """Answer the sender of `message`, about the same challenge."""
