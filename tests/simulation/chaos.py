@@ -79,7 +79,9 @@ def draw(seed: int) -> Scenario:
     """The world of a seed."""
     rng = Random(f"soak {seed}")
     settings = draw_settings(rng, seed)
-    if settings["epochs"] and settings["thaw.policy"] == "timer":  # by a draw of its own: all else stays as it was
+    if (
+        settings["epochs"] and settings["thaw.policy"] == "timer"
+    ):  # by a draw of its own: all else stays as it was
         settings["thaw.policy"] = Random(f"thaws {seed}").choice(["timer", "roster", "census", "corner"])
     live = (
         settings["challenge_policy"] == "r_complete"
