@@ -77,8 +77,8 @@ class _Run:
         latency_s = (virtual.latency_min_ms / 1e3, virtual.latency_max_ms / 1e3)
         self.air = Air(self.agenda, latency_s, plan.cloud.points, plan.rules)
         self.shared = Shared(
-            plan.config.seed, plan.rules, self.agenda, self.air, self._ended, self._thaw_begins,
-            virtual.handling_ms / 1e3, [0] * COUNTERS, [0] * BUCKETS, [0] * BUCKETS, witness_of(witnesses),
+            plan.config.seed, plan.rules, self.agenda, self.air, self._ended, virtual.handling_ms / 1e3,
+            [0] * COUNTERS, [0] * BUCKETS, [0] * BUCKETS, witness_of(witnesses), self._thaw_begins,
         )  # fmt: skip
         self.witnesses = witnesses
         self.flss: list[VirtualFls] = []  # row i is FID i + 1, also when it has failed

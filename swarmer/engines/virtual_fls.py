@@ -41,12 +41,14 @@ class Shared:
     agenda: Agenda
     air: Air
     ended: Callable[[VirtualFls, str], None]  # told when one fails or departs
-    thaw_begins: Callable[[VirtualFls, ThawBegins], None]  # told when one begins a thaw
     handling_s: float  # that an FLS takes for one message
     counts: list[int]  # of all FLSs together, in the places of `telemetry`
     timer_late: list[int]  # histograms of metrics.lateness
     handled_late: list[int]
     witness: Witness | None = None
+    thaw_begins: Callable[[VirtualFls, ThawBegins], None] = lambda fls, begins: (
+        None
+    )  # told when one begins a thaw
 
 
 class VirtualFls(BaseFls):

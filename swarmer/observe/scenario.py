@@ -19,7 +19,8 @@ LONGEST = 1 << 20  # characters of a file
 COMMANDS = {
     "set": "NAME=VALUE ...",
     "given": "FID ... STATE [flying] [xi=N] [epoch=N] [incarnation=N] [neighbours=FID,...] [with=FID,...]",
-    "tick": "FID", "bound": "FID", "lease": "FID", "renew": "FID", "thaw": "FID", "report": "FID", "land": "FID", "battery": "FID",
+    "tick": "FID", "bound": "FID", "lease": "FID", "renew": "FID", "thaw": "FID",
+    "report": "FID", "land": "FID", "battery": "FID",
     "measure": "FID CELLS",
     "fail": "FID",
     "replace": "FID",

@@ -110,7 +110,8 @@ class Lone:
             kind, fid, incarnation, _after(more, "epoch", m.epoch), swarm, _after(more, "size", 1),
             (10.0 * fid, 0.0, 0.0), To.SWARM if to_swarm else To.FLS,
             Swarm(77, 0) if "others" in more else m.swarm if to_swarm else Swarm(m.fid, 0), flags, challenge,
-            other=Swarm(_after(more, "to", 0), 0) if to_swarm else Swarm(_after(more, "of", m.swarm.xi), 0),
+            other=Swarm(_after(more, "to", 0), 0) if to_swarm
+            else Swarm(_after(more, "of", 0), 0) if "of" in more else m.swarm,
             vector=(float(_after(more, "flew", 0)), 0.0, 0.0) if kind == Kind.COUNT else (1.0, 2.0, 2.0),
         )  # fmt: skip
 
