@@ -116,6 +116,12 @@ def lines_of(path: Path, columns: Iterable[Column] = COLUMNS) -> list[str]:
     ]
 
 
+def unfaithful(path: Path) -> int:
+    """In how many finished runs the machine was too slow to be believed. Raises OSError, ValueError."""
+    _, rows = read_results(path)
+    return sum(row.get(STATUS) == "done" and row.get("faithful") == "false" for row in rows)
+
+
 def markdown_of(path: Path, columns: Iterable[Column] = COLUMNS) -> str:
     """The table for a page."""
     table = table_of(path, columns)
