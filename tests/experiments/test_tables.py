@@ -22,7 +22,6 @@ def results(tmp_path):
 
 def test_each_cell_has_its_figures_with_their_intervals(results):
     table = table_of(results)
-    assert table.settings == 2
     assert table.titles == [
         "thaw.policy",
         "radio.loss",
