@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from swarmer.experiments.results import RESULTS, STATUS, read_results
-from swarmer.experiments.tables import COLUMNS, Row, bounded
+from swarmer.experiments.tables import COLUMNS, Row, bounded, time_shown
 from swarmer.metrics.intervals import NEVER, median
 
 POLICY, REFERENCE = "thaw.policy", "centralized"
@@ -34,7 +34,11 @@ def pages(path: Path) -> str:
 def table(rows: list[Row], settings: list[str]) -> str:
     """One table: a row for each cell, in the order of the other settings, then of the policies as the file has them."""
     others = [name for name in settings if name != POLICY]
-    shown = [column for column in COLUMNS if any(row.get(column.name) for row in rows)]
+    shown = [
+        one
+        for one in COLUMNS
+        if one.name in rows[0] and (one.show is time_shown or any(row[one.name] for row in rows))
+    ]
     titles = [*others, POLICY, "runs", *(column.title for column in shown), f"× {REFERENCE}"]
     lines = [titles, ["---"] * len(titles)]
     for other, its in grouped(rows, others).items():

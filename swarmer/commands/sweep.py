@@ -68,7 +68,7 @@ def carry_out(experiment: Experiment, runs: list[Run], out: Path, jobs: int) -> 
     from swarmer.experiments.board import Board
     from swarmer.experiments.results import RESULTS
     from swarmer.experiments.sweep import sweep
-    from swarmer.experiments.tables import lines_of
+    from swarmer.experiments.tables import lines_of, unfaithful
 
     try:
         with ctrl_c():
@@ -78,6 +78,8 @@ def carry_out(experiment: Experiment, runs: list[Run], out: Path, jobs: int) -> 
         raise
     for line in lines_of(out / RESULTS):
         click.echo(line)
+    if late := unfaithful(out / RESULTS):
+        click.echo(f"note: {late} runs are not faithful: this machine was too slow for them", err=True)
     click.echo(str(out))
     tell(ended, out)
 

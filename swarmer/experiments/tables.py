@@ -27,9 +27,8 @@ class Column(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Titles and cells; the first `settings` columns are the settings that vary."""
+    """Titles and cells: the settings that vary, the number of runs, the figures."""
 
-    settings: int
     titles: list[str]
     rows: list[list[str]]
 
@@ -101,7 +100,7 @@ def table_of(path: Path, columns: Iterable[Column] = COLUMNS) -> Table:
         [*(value or "null" for value in cell), str(len(runs)), *(column.show(runs, column.name) for column in shown)]
         for cell, runs in cells.items()
     ]  # fmt: skip
-    return Table(len(settings), [*settings, "runs", *(column.title for column in shown)], body)
+    return Table([*settings, "runs", *(column.title for column in shown)], body)
 
 
 def lines_of(path: Path, columns: Iterable[Column] = COLUMNS) -> list[str]:
@@ -114,6 +113,12 @@ def lines_of(path: Path, columns: Iterable[Column] = COLUMNS) -> list[str]:
     return [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
     ]
+
+
+def unfaithful(path: Path) -> int:
+    """In how many finished runs the machine was too slow to be believed. Raises OSError, ValueError."""
+    _, rows = read_results(path)
+    return sum(row.get(STATUS) == "done" and row.get("faithful") == "false" for row in rows)
 
 
 def markdown_of(path: Path, columns: Iterable[Column] = COLUMNS) -> str:

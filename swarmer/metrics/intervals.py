@@ -1,11 +1,10 @@
 """Estimates with 95 % confidence intervals, for few runs, some of which may never have got where they should.
 
-Three questions, a method for each, named in what it gives:
+Two questions, a method for each, named in what it gives:
 
 - a mean (datagrams, thaws): Student's t;
 - a median of times, where a run that never got there counts as later than all that did: order statistics, the ranks
-  of the binomial distribution, which assume nothing about how the times are distributed;
-- a share of runs: Wilson's score.
+  of the binomial distribution, which assume nothing about how the times are distributed.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ class Interval(NamedTuple):
     estimate: float
     low: float
     high: float
-    method: str  # "t", "ranks" or "wilson"
+    method: str  # "t" or "ranks"
     n: int
     level: float = LEVEL  # the share of experiments whose interval holds the truth
 
@@ -81,20 +80,3 @@ def _rank(n: int, level: float) -> tuple[int, float]:
             break
         rank, below = rank + 1, next_below
     return rank, 1 - 2 * below
-
-
-def share(hits: int, n: int, level: float = LEVEL) -> Interval:
-    """The share of `n` runs that `hits` are, with Wilson's interval.
-
-    >>> share(10, 10).low > 0.72
-    True
-    """
-    if n == 0:
-        return Interval(math.nan, math.nan, math.nan, "wilson", 0, level)
-    from scipy.special import ndtri
-
-    z = float(ndtri((1 + level) / 2))
-    p = hits / n
-    centre = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    return Interval(p, max(0.0, centre - half), min(1.0, centre + half), "wilson", n, level)

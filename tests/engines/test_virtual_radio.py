@@ -29,16 +29,7 @@ def display(handling_s=0.0, latency_s=(0.001, 0.003), **settings):
     agenda = Agenda()
     air = Air(agenda, latency_s, plan.cloud.points, plan.rules)
     shared = Shared(
-        1,
-        plan.rules,
-        agenda,
-        air,
-        lambda *_: None,
-        lambda *_: None,
-        handling_s,
-        [0] * COUNTERS,
-        [0] * BUCKETS,
-        [0] * BUCKETS,
+        1, plan.rules, agenda, air, lambda *_: None, handling_s, [0] * COUNTERS, [0] * BUCKETS, [0] * BUCKETS
     )
     flss = {spec.fid: VirtualFls(shared, spec) for spec in map(fls_spec, fls_rows(plan))}
     for fls in flss.values():

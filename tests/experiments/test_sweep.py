@@ -117,7 +117,7 @@ def test_a_run_is_the_same_by_hand_and_however_many_run_at_once(write, tmp_path)
 def test_killed_and_started_again_it_makes_what_is_missing_and_repeats_nothing(write, tmp_path):
     file, out = write(LONG), tmp_path / "o"
     process = start(file, "--out", out, "--jobs", "2", cwd=tmp_path)
-    wait_for(lambda: len(summaries(out)) >= 3, every=0.01)
+    wait_for(lambda: len(summaries(out)) >= 3, 60, 0.01)
     workers = children(process.pid)
     assert workers
     process.kill()
@@ -148,7 +148,7 @@ def test_ctrl_c_ends_it_in_good_order(whole_group, write, tmp_path):
     )
     out = tmp_path / "o"
     process = start(file, "--out", out, "--jobs", "2", cwd=tmp_path, start_new_session=True)
-    wait_for(lambda: len(summaries(out)) == 2, every=0.01)
+    wait_for(lambda: len(summaries(out)) == 2, 60, 0.01)
     workers = children(process.pid)
     if whole_group:
         os.killpg(process.pid, signal.SIGINT)

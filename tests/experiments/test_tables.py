@@ -2,7 +2,7 @@
 
 import pytest
 
-from swarmer.experiments.tables import lines_of, markdown_of, table_of
+from swarmer.experiments.tables import lines_of, markdown_of, table_of, unfaithful
 
 HEAD = "thaw.policy,radio.loss,seed,status,time_to_hd_s.1,time_to_hd_s.0.001,thaws,datagrams_sent,run\n"
 
@@ -22,7 +22,6 @@ def results(tmp_path):
 
 def test_each_cell_has_its_figures_with_their_intervals(results):
     table = table_of(results)
-    assert table.settings == 2
     assert table.titles == [
         "thaw.policy",
         "radio.loss",
@@ -62,3 +61,9 @@ def test_another_table_is_refused(tmp_path):
     path.write_text("a,b\n1,2\n")
     with pytest.raises(ValueError, match="is not a table of runs"):
         table_of(path)
+
+
+def test_runs_that_the_machine_was_too_slow_for_are_counted(tmp_path):
+    path = tmp_path / "results.csv"
+    path.write_text("seed,status,faithful,run\n1,done,false,a\n2,done,true,b\n3,failed,false,c\n4,done,,d\n")
+    assert unfaithful(path) == 1

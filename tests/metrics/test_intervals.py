@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from swarmer.metrics.intervals import NEVER, mean, median, share
+from swarmer.metrics.intervals import NEVER, mean, median
 
 DRAWS = 4000
 
@@ -63,17 +63,3 @@ def test_too_few_values_have_no_bounds():
         assert found.estimate == (n - 1) / 2
     assert math.isnan(mean([]).estimate)
     assert math.isnan(median([]).estimate)
-
-
-@pytest.mark.parametrize("p", [0.1, 0.5, 0.9])
-def test_a_share_is_held_about_95_times_in_100(p):
-    hits = np.random.default_rng(2).binomial(20, p, DRAWS)
-    found = [share(int(number), 20) for number in hits]
-    assert np.mean([one.low <= p <= one.high for one in found]) == pytest.approx(0.95, abs=0.025)
-
-
-def test_a_share_of_all_or_none_stays_within_0_and_1():
-    assert share(0, 10)[:2] == (0, 0)
-    assert 0.999 < share(10, 10).high <= 1
-    assert 0.2 < share(0, 10).high < 0.35
-    assert math.isnan(share(0, 0).estimate)
