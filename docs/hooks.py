@@ -1,4 +1,4 @@
-"""Called by mkdocs: the page of the commands from the commands, the protocol's table and the gallery from the code."""
+"""Called by mkdocs: the commands from their help; the protocol's table, invariants and gallery from the code."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from swarmer import cli
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import gallery_page
+import invariants_list
 import protocol_table
 
 # What a page may hold in a line of its own, and who makes what stands there instead.
@@ -21,6 +22,7 @@ GENERATED = {
     "<!-- protocol: picture -->": protocol_table.picture_svg,
     "<!-- protocol: table -->": protocol_table.table_html,
     "<!-- protocol: rules -->": protocol_table.rules_html,
+    "<!-- invariants: list -->": invariants_list.list_markdown,
     "<!-- gallery: tiles -->": gallery_page.tiles_html,
     "<!-- gallery: shapes -->": gallery_page.shapes_markdown,
 }

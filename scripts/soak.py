@@ -1,7 +1,7 @@
 """Seeded worlds full of faults, in virtual time, for as long as told: `soak.py --seconds N [--seed S]`.
 
-Every seed is a world (tests/simulation/chaos.py). A failing one is printed with the command that replays it; exit
-status 1 if there was any.
+Every seed is a world (tests/simulation/worlds.py), played with every invariant checked. A failing one is printed
+with the command that replays it and with the faults that it needs to fail; exit status 1 if there was any.
 """
 
 from __future__ import annotations
@@ -14,9 +14,12 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tests" / "simulation"))
 
-from chaos import Outcome, draw, play  # noqa: E402
+from worlds import Outcome, World, draw, play  # noqa: E402
+
+from swarmer.faults import Schedule, shrink, to_yaml  # noqa: E402
 
 EVERY_S = 5.0  # between two lines of progress
+SHRINK_S = 60.0  # wall seconds, at most, to find what a failing world needs
 
 
 def main(arguments: list[str]) -> int:
@@ -32,15 +35,13 @@ def main(arguments: list[str]) -> int:
 
 def once(seed: int) -> int:
     """Replay one world and tell how it went."""
-    scenario = draw(seed)
-    print(f"seed {seed}: {scenario.words()}")
-    print(f"settings: {scenario.settings}")
-    for fault in scenario.faults:
-        print(f"  {fault.at_s:8.4f} s  {fault.kind:8} {list(fault.fids)} {fault.amount:.3g}")
-    print(f"  {scenario.heal_s:8.4f} s  healed")
-    outcome = play(scenario)
+    world = draw(seed)
+    print(f"seed {seed}: {world.words()}")
+    print(f"settings: {world.settings}")
+    print(to_yaml(world.schedule), end="")
+    outcome = play(world)
     if outcome.failure:
-        print("the last events:", *outcome.last, sep="\n  ")
+        print("the last events of those concerned:", *outcome.last, sep="\n  ")
         print(f"FAILED at {outcome.at_s:.4f} s, event {outcome.events}: {outcome.failure}")
     else:
         print(f"held: {outcome.events} events, {told(outcome)}, sha256 {outcome.digest[:16]}")
@@ -60,12 +61,12 @@ def soak(seed: int, seconds: float) -> int:
     first, events, failed, slowest = seed, 0, 0, 0.0
     print(f"soak: seeds from {first}, {seconds:g} s", flush=True)
     while time.monotonic() - began < seconds:
-        scenario = draw(seed)
-        outcome = play(scenario)
+        world = draw(seed)
+        outcome = play(world)
         events += outcome.events
         if outcome.failure:
             failed += 1
-            report(seed, scenario.words(), outcome)
+            report(world, outcome)
         elif outcome.took_s is not None:
             slowest = max(slowest, outcome.took_s / outcome.bound_s)
         seed += 1
@@ -76,11 +77,19 @@ def soak(seed: int, seconds: float) -> int:
     return 1 if failed else 0
 
 
-def report(seed: int, words: str, outcome: Outcome) -> None:
-    """A failing seed, and how to see it again."""
-    print(f"FAILED seed {seed} at {outcome.at_s:.3f} s: {outcome.failure}")
-    print(f"  {words}")
-    print(f"  replay: python scripts/soak.py --seed {seed} --once", flush=True)
+def report(world: World, outcome: Outcome) -> None:
+    """A failing world, what it needs to fail, and how to see it again."""
+    print(f"FAILED seed {world.seed} at {outcome.at_s:.3f} s: {outcome.failure}")
+    print(f"  {world.words()}")
+    print(f"  replay: python scripts/soak.py --seed {world.seed} --once", flush=True)
+
+    def fails(schedule: Schedule) -> bool:
+        again = play(world._replace(schedule=schedule))
+        return again.failure is not None and again.invariant == outcome.invariant
+
+    small = shrink(world.schedule, fails, SHRINK_S)
+    print(f"  fails with {len(small.faults)} of its {len(world.schedule.faults)} faults:")
+    print("  " + to_yaml(small).replace("\n", "\n  ").rstrip(), flush=True)
 
 
 def line(worlds: int, failed: int, events: int, seconds: float, slowest: float) -> str:

@@ -47,6 +47,7 @@ EVERYBODY = "all"
 @click.option("--out", metavar="DIR", help="The run directory itself. [default: runs/SHAPE-TIME-SEED]")  # fmt: skip
 @click.option("--live", is_flag=True, help="Open the rerun viewer while it runs.")
 @click.option("--no-recording", is_flag=True, help="Do not write recording.rrd.")
+@click.option("--check", is_flag=True, help="Check the protocol's invariants after every event, and stop at the first that is broken; with --engine virtual.")  # fmt: skip
 @click.option("--trace", is_flag=True, help="Write trace.jsonl.gz, the log of all that happened to each FLS, for `swarmer explain`; with --engine virtual.")  # fmt: skip
 @click.option("--trace-fids", metavar="FIDS", help="Log these FLSs alone, as 17,40-60; implies --trace.")
 @click.option(
@@ -59,6 +60,7 @@ def command(
     out: str | None,
     live: bool,
     no_recording: bool,
+    check: bool,
     trace: bool,
     trace_fids: str | None,
     as_json: bool,
@@ -83,7 +85,9 @@ def command(
         settings = load_config(config, [*overrides, *given], **flags)
     if trace and trace_fids is None:
         trace_fids = EVERYBODY
-    return run(settings, directory_named(out), live, as_json, source=config, trace_fids=trace_fids)
+    return run(
+        settings, directory_named(out), live, as_json, source=config, trace_fids=trace_fids, check=check
+    )
 
 
 def directory_named(out: str | None) -> Path | None:
@@ -106,11 +110,13 @@ def run(
     as_json: bool,
     source: str | None = None,
     trace_fids: str | None = None,
+    check: bool = False,
 ) -> int:
     """Check, plan, run, sum up; the exit status. Raises BadInput before anything is written, RunFailed after.
 
     source: the file that the settings were read from; with a run beside it, the shape is compared with that run's.
     trace_fids: whose events are logged, as the option has it, or EVERYBODY; None for no log.
+    check: the invariants, after every event.
     """
     with ends_at_once():
         from swarmer.observe.collector import Collector
@@ -121,9 +127,11 @@ def run(
         if out is not None:
             check_out(out)
         refuse_trace(config, trace_fids)
+        refuse_checks(config, check)
         plan = make_plan(config)
         tracer = make_tracer(plan, trace_fids)
-        ready = make_engine(plan, [tracer] if tracer else ())
+        checks = make_checks(plan) if check else []
+        ready = make_engine(plan, [tracer, *checks] if tracer else checks)
         if config.recording.enabled or live:
             from swarmer.observe.recording import import_rerun
 
@@ -163,6 +171,22 @@ def make_tracer(plan: Plan, trace_fids: str | None) -> Tracer | None:
     return Tracer(plan, None if trace_fids == EVERYBODY else fids_named(trace_fids, plan.size))
 
 
+def refuse_checks(config: RunConfig, check: bool) -> None:
+    """Raises BadInput where nobody can see every event."""
+    if check and config.engine != "virtual":
+        raise BadInput.saying(
+            f"check: the engine {config.engine} cannot be checked event by event; --engine virtual can, "
+            "and plays the same protocol"
+        )
+
+
+def make_checks(plan: Plan) -> list[Witness]:
+    """Who checks the invariants of a run."""
+    from swarmer.observe.invariants import Checks
+
+    return [Checks(plan)]
+
+
 def make_engine(plan: Plan, witnesses: Sequence[Witness] = ()) -> Any:
     """The engine that the settings name. Raises BadInput where this machine cannot take the run.
 
@@ -193,9 +217,13 @@ def play(engine: Any, collector: Collector) -> RunResult:
 def close(summary: dict[str, Any], path: Path, as_json: bool, collector: Collector) -> int:
     """The last words, and the exit status."""
     from swarmer.observe.closing import closing_lines
+    from swarmer.observe.violation import violation_lines
     from swarmer.observe.words import columns_of
 
-    for line in closing_lines(summary, path, program_beside_python(), columns_of(sys.stderr)):
+    program = program_beside_python()
+    for line in violation_lines(summary, path, program):
+        click.echo(line, err=True)
+    for line in closing_lines(summary, path, program, columns_of(sys.stderr)):
         click.echo(line, err=True)
     if as_json:
         click.echo(json.dumps(summary, allow_nan=False))

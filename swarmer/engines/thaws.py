@@ -78,6 +78,10 @@ class ThawWatch:
         self._epoch = 0
         self._last_s = 0.0
 
+    def stop(self) -> None:
+        """Begin none any more."""
+        self._central = False
+
     def order(self, sight: Sight) -> Order | None:
         """Policy `centralized`: at one swarm, or H seconds after the last thaw."""
         if not self._central or not bool(sight.lit.all()):

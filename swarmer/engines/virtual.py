@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from heapq import heappop
 from itertools import count as counting
 from operator import attrgetter
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -24,11 +24,13 @@ from swarmer.engines.reading import totals_of
 from swarmer.engines.result import Event, Lateness, Live, Observer, RunResult, Snapshot, Witness
 from swarmer.engines.specs import fls_rows, fls_spec
 from swarmer.engines.thaws import Sight, ThawTally, ThawWatch
+from swarmer.engines.virtual_faults import Weather
 from swarmer.engines.virtual_fls import FAILED, Shared, VirtualFls
 from swarmer.engines.virtual_radio import RUN, Air
-from swarmer.engines.virtual_time import DATAGRAM, FREE, GROUP, HELD, SAMPLE, SLOT, Agenda, Trace
+from swarmer.engines.virtual_time import DATAGRAM, FREE, GROUP, HELD, SAMPLE, SLOT, TURN, Agenda, Trace
 from swarmer.engines.witnesses import witness_of
 from swarmer.errors import RunFailed
+from swarmer.faults import NO_FAULTS, Schedule
 from swarmer.fls import LANDING
 from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Kind, Message, Stamp, To
 from swarmer.metrics.lateness import BUCKETS, percentiles
@@ -39,6 +41,7 @@ from swarmer.telemetry import COUNTERS
 if TYPE_CHECKING:
     from types import FrameType
 
+    from swarmer.fls import FlsSpec
     from swarmer.plan import Plan
 
 TOLD_EVERY = 500  # FLSs made between two words on how far the launch is
@@ -53,9 +56,9 @@ class VirtualEngine:
 
     name = "virtual"
 
-    def __init__(self, plan: Plan, witnesses: Sequence[Witness] = ()) -> None:
-        """witnesses: told of every event, in this order."""
-        self.plan, self.witnesses = plan, tuple(witnesses)
+    def __init__(self, plan: Plan, witnesses: Sequence[Witness] = (), faults: Schedule = NO_FAULTS) -> None:
+        """witnesses: told of every event, in this order. faults: what goes wrong besides what the settings say."""
+        self.plan, self.witnesses, self.faults = plan, tuple(witnesses), faults
 
     def __enter__(self) -> Self:
         return self
@@ -66,11 +69,13 @@ class VirtualEngine:
     def run(self, observer: Observer) -> RunResult:
         """Run to the end, the goal, Ctrl-C or a failure; the result says which. Raises RunFailed if `observer` does."""
         observer.planned(self.plan)
-        return _Run(self.plan, observer, self.witnesses).play()
+        return _Run(self.plan, observer, self.witnesses, self.faults).play()
 
 
 class _Run:
-    def __init__(self, plan: Plan, observer: Observer, witnesses: tuple[Witness, ...]) -> None:
+    def __init__(
+        self, plan: Plan, observer: Observer, witnesses: tuple[Witness, ...], faults: Schedule
+    ) -> None:
         self.plan, self.observer, self.config = plan, observer, plan.config
         virtual = plan.config.virtual
         self.agenda, self.trace = Agenda(), Trace()
@@ -81,6 +86,7 @@ class _Run:
             [0] * COUNTERS, [0] * BUCKETS, [0] * BUCKETS, witness_of(witnesses), self._thaw_begins,
         )  # fmt: skip
         self.witnesses = witnesses
+        self.weather = Weather(self, faults) if faults != NO_FAULTS else None
         self.flss: list[VirtualFls] = []  # row i is FID i + 1, also when it has failed
         self.thaws, self.begun = ThawWatch(plan.rules), ThawTally(plan.rules)
         if plan.rules.thaw_policy == "centralized":
@@ -142,8 +148,15 @@ class _Run:
                 return
             if len(self.flss) % TOLD_EVERY == 0:
                 self.observer.launching(len(self.flss), self.plan.size)
-            self.flss.append(VirtualFls(self.shared, fls_spec(row)))
+            self.flss.append(self._make(fls_spec(row)))
+        if self.weather is not None:
+            self.weather.begin()
         self.observer.launching(self.plan.size, self.plan.size)
+
+    def _make(self, spec: FlsSpec) -> VirtualFls:
+        if self.weather is not None:
+            return self.weather.make(self.shared, spec)
+        return VirtualFls(self.shared, spec)
 
     def _live(self) -> None:
         """Take what is next, until told to stop. There is always a sample to come, so the agenda is never empty."""
@@ -198,13 +211,16 @@ class _Run:
                 agenda.put(at, GROUP, None, arrivals, (message, stamp))
                 return
 
-    def _go_on(self, what: int, fls: VirtualFls, message: Message, stamp: Stamp) -> None:
-        """What was put off: by the radio at one of its ends, or by a handler that was busy."""
+    def _go_on(self, what: int, fls: VirtualFls, message: Any, stamp: Stamp) -> None:
+        """What was put off, by the radio at one of its ends or by a handler that was busy; or a turn of the weather."""
         self.trace.values += (self.agenda.now, fls.fid, -1 - what, 0)
         if what == HELD:
             fls.arrive(message, stamp)
         elif what == FREE:
             fls.wake()
+        elif what == TURN:
+            assert self.weather is not None
+            self.weather.turn(message)
         else:
             fls.transmit(message, stamp, self.shared.counts)
 
@@ -216,13 +232,16 @@ class _Run:
         now, fid = self.agenda.now, fls.fid
         kind, text = ("failure", "went dark") if how == FAILED else ("departure", "left to charge")
         self.observer.event(Event(now, kind, fid, text))
-        if self.config.failure.replace:
-            incarnation = fls.spec.incarnation + 1
-            self.flss[fid - 1] = VirtualFls(
-                self.shared, fls.spec._replace(incarnation=incarnation, launch_at_s=now)
-            )
-            self.ends["replaced"] += 1
-            self.observer.event(Event(now, "replacement", fid, f"incarnation {incarnation} launched"))
+        if self.config.failure.replace and not (self.weather is not None and fid in self.weather.dark):
+            self.replace(fid)
+
+    def replace(self, fid: int) -> None:
+        """Launch the successor of an FLS that has gone dark."""
+        now, spec = self.agenda.now, self.flss[fid - 1].spec
+        incarnation = spec.incarnation + 1
+        self.flss[fid - 1] = self._make(spec._replace(incarnation=incarnation, launch_at_s=now))
+        self.ends["replaced"] += 1
+        self.observer.event(Event(now, "replacement", fid, f"incarnation {incarnation} launched"))
 
     # -- looking -------------------------------------------------------------------------------------------------
 

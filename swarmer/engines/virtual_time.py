@@ -5,15 +5,12 @@ from __future__ import annotations
 import hashlib
 from array import array
 from heapq import heapify, heappush
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from swarmer.fls import FAILURE
 
-if TYPE_CHECKING:
-    from swarmer.engines.virtual_fls import VirtualFls
-
 # What can be due besides what an FLS waits for by itself, which comes before: fls_process counts it up to FAILURE.
-DATAGRAM, GROUP, HELD, OUTGOING, FREE, SAMPLE, SLOT = range(FAILURE + 1, FAILURE + 8)
+DATAGRAM, GROUP, HELD, OUTGOING, FREE, SAMPLE, SLOT, TURN = range(FAILURE + 1, FAILURE + 9)
 
 SLOTS_PER_S = 256.0  # a power of two, so that a moment divides into slots without rounding
 
@@ -38,8 +35,8 @@ class Agenda:
         self._slot = 0  # what comes before its end is in the heap
         self._far: dict[int, list[Entry]] = {}
 
-    def put(self, at_s: float, what: int, fls: VirtualFls | None, one: Any = None, two: Any = None) -> None:
-        """Put down what is due at an emulated second that is not over."""
+    def put(self, at_s: float, what: int, fls: Any, one: Any = None, two: Any = None) -> None:
+        """Put down what is due at an emulated second that is not over. fls: for which, or who stands for it."""
         self.order = order = self.order + 1
         slot = int(at_s * SLOTS_PER_S)
         if slot < self._slot:

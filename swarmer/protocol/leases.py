@@ -23,6 +23,10 @@ class Leases:
     def __contains__(self, fid: int) -> bool:
         return fid in self._until
 
+    def ends(self) -> dict[int, float]:
+        """When the lease of each FID runs out: a copy."""
+        return dict(self._until)
+
     def grant(self, fid: int, challenge: int, now: float) -> None:
         """Give `fid` a lease from `now`, or renew the one it has."""
         self._until[fid] = now + self.duration_s

@@ -3,34 +3,22 @@
 from math import inf
 
 import pytest
-from invariants import Watch
-from world import World
+from stories import Story, one_swarm, swarms
 
-from swarmer.config import load_config
-from swarmer.messages import NO_SWARM, Kind, Message, Stamp, To
-from swarmer.protocol.events import Count, Fly, Received
+from swarmer.faults import Fault, Schedule
+from swarmer.messages import Kind
+from swarmer.protocol.events import Fly, Landed, Received
 from swarmer.state_machine import State
 
-LATENCY_S = (0.0005, 0.0015)
+CALM = {"thaw.policy": "off"}
+LOW = range(1, 16)
+HIGH = range(16, 31)
 
 
-def world(preset=None, latency_s=LATENCY_S, **settings):
-    settings = {"shape": "dragon", "points": 30, "seed": 1, "thaw.h_s": 3.0} | settings
-    return World(load_config(preset, [], **settings), latency_s)
-
-
-def lit(world):
-    return all(body.lit for body in world.bodies.values() if body.alive)
-
-
-def run_to_one_swarm(world, within_s):
-    """The moment, to a tenth of a second, when all are lit and in one swarm."""
-    until = world.now + within_s
-    while world.now < until:
-        world.run(world.now + 0.1)
-        if lit(world) and world.swarms() == 1:
-            return world.now
-    raise AssertionError(f"{world.swarms()} swarms after {within_s} s")
+def run_to_one_swarm(within_s, **settings):
+    story = Story(until=one_swarm, duration_s=within_s, **settings)
+    assert one_swarm(story.end), f"{swarms(story.end)} swarms after {within_s} s"
+    return story
 
 
 # -- converging ------------------------------------------------------------------------------------------------------
@@ -38,13 +26,11 @@ def run_to_one_swarm(world, within_s):
 
 @pytest.mark.parametrize("seed", range(1, 6))
 def test_a_small_shape_becomes_one_swarm_and_itself(seed):
-    w = world(seed=seed)
-    watch = Watch(w)
-    run_to_one_swarm(w, 6.0)
-    w.run(14.0)
-    assert w.hd() < 0.1
-    for rule in ("s1", "s2", "s3", "s4", "s5", "s6", "s7", "s8", "s9", "s11", "s12", "pairs"):
-        assert watch.seen[rule] > 10, f"{rule} never had anything to look at"
+    story = Story(seed=seed, duration_s=14.0)
+    assert any(one_swarm(snapshot) for snapshot in story.audience.samples if snapshot.t_s <= 6.0)
+    assert story.hd(story.end) < 0.1
+    for invariant in ("S1", "S2", "S3", "S4", "S5", "S6", "S7", "S8", "S9", "S11", "S12", "S13", "S16"):
+        assert story.seen[invariant] > 10, f"{invariant} never had anything to look at"
 
 
 @pytest.mark.parametrize(
@@ -63,39 +49,33 @@ def test_a_small_shape_becomes_one_swarm_and_itself(seed):
         ("random", {"points": 25, "anchor": "smallest"}),
         ("random", {"points": 25, "anchor": "challenger"}),
         ("random", {"points": 25, "anchor": "random"}),
+        ("random", {"points": 25, "virtual.handling_ms": 2.0}),
         ("random", {"points": 25, "sensing.model": "uniform", "sensing.error_percent": 10.0, "sensing.samples": 4,
                     "sensing.sample_ms": 5.0}),
     ],
     ids=str,
 )  # fmt: skip
 def test_one_swarm_forms_whatever_the_settings(shape, settings):
-    w = world(shape=shape, **{"thaw.policy": "off"}, **settings)
-    Watch(w)
-    run_to_one_swarm(w, 15.0)
+    run_to_one_swarm(15.0, shape=shape, **CALM, **settings)
 
 
 def test_on_a_slow_radio_challenges_cross_and_pairs_still_last():
-    w = world(latency_s=(0.02, 0.06), **{"thaw.policy": "off"})
-    Watch(w)
-    run_to_one_swarm(w, 10.0)
-    granted, expired = w.count(Count.LEASES_GRANTED), w.count(Count.LEASES_EXPIRED)
-    assert granted >= w.plan.size - 1
+    slow = {"virtual.latency_min_ms": 20.0, "virtual.latency_max_ms": 60.0}
+    story = run_to_one_swarm(10.0, **slow, **CALM)
+    granted, expired = (story.result.counters[name] for name in ("leases_granted", "leases_expired"))
+    assert granted >= story.plan.size - 1
     assert expired <= granted / 10
 
 
 def test_a_formed_swarm_is_quiet():
     """Everyone R-Complete: nothing but a probe at every 8th tick (rule 9)."""
-    w = world(**{"thaw.policy": "off"})
-    run_to_one_swarm(w, 10.0)
-    w.run(w.now + 3.0)
-    before = dict(w.sent)
-    seconds = 8.0
-    w.run(w.now + seconds)
-    new = {kind: w.sent[kind] - before.get(kind, 0) for kind in w.sent}
-    probes = w.plan.size * seconds / w.rules.lambda_s / 8
-    assert 0.6 * probes < new.pop(Kind.CHALLENGE_INIT) < 1.4 * probes
-    new.pop(Kind.NEIGHBOUR)
-    assert not any(new.values()), new
+    story = Story(duration_s=15.0, **CALM)
+    assert one_swarm(story.at(4.0))
+    new = story.log.kinds_sent(from_s=7.0)
+    probes = story.plan.size * 8.0 / story.plan.rules.lambda_s / 8
+    assert 0.6 * probes < new.pop(int(Kind.CHALLENGE_INIT)) < 1.4 * probes
+    new.pop(int(Kind.NEIGHBOUR))
+    assert not new
 
 
 # -- faults ----------------------------------------------------------------------------------------------------------
@@ -104,9 +84,7 @@ def test_a_formed_swarm_is_quiet():
 @pytest.mark.parametrize("loss", [0.1, 0.2, 0.3])
 @pytest.mark.parametrize("end", ["radio.loss", "radio.loss_sender", "radio.loss_receiver"])
 def test_lost_datagrams_delay_but_never_stop(loss, end):
-    w = world(**{end: loss, "thaw.policy": "off"})
-    Watch(w)
-    run_to_one_swarm(w, 25.0)
+    run_to_one_swarm(25.0, **{end: loss}, **CALM)
 
 
 @pytest.mark.parametrize(
@@ -127,89 +105,97 @@ def test_lost_datagrams_delay_but_never_stop(loss, end):
     ids=str,
 )
 def test_late_doubled_and_disordered_datagrams(radio):
-    w = world(**{f"radio.{name}": value for name, value in radio.items()}, **{"thaw.policy": "off"})
-    Watch(w)
-    run_to_one_swarm(w, 20.0)
+    run_to_one_swarm(20.0, **{f"radio.{name}": value for name, value in radio.items()}, **CALM)
 
 
 def test_what_comes_twice_acts_once():
     """Copies change who answers first, but each message is handled once; S12 sees the rest."""
-    w = world(**{"radio.duplicate": 1.0})
-    watch = Watch(w)
-    w.run(6.0)
-    handled = sum(body.machine.counts[Count.HANDLED] for body in w.bodies.values())
-    assert watch.seen["s12"] >= handled > 1000
+    story = Story(duration_s=6.0, **{"radio.duplicate": 1.0})
+    assert story.seen["S12"] >= story.result.counters["handled"] > 1000
 
 
 @pytest.mark.parametrize("victim", [1, 30], ids=["the lowest FID", "the highest FID"])
 @pytest.mark.parametrize("moment", [1.5, 7.0], ids=["while swarms form", "in a formed swarm"])
 def test_a_replacement_joins_and_drags_nobody(victim, moment):
-    w = world(**{"thaw.policy": "off"})
-    watch = Watch(w)
-    w.run(moment)
+    back = moment + 0.4
+    story = Story(
+        faults=Schedule((Fault(moment, "kill", (victim,), 0.4),), back), duration_s=back + 8.0, **CALM
+    )  # fmt: skip
+    assert story.checks.facts.single_s is not None
+    assert not story.at(moment + 0.2).alive[victim - 1]
+    assert story.flss[victim].machine.incarnation == 1
+    assert story.seen["S10"] > 0
+    assert story.result.counters["replacements"] == 1
     if moment > 5:
-        assert w.swarms() == 1
-    w.kill(victim)
-    w.run(moment + 0.4)
-    assert w.bodies[victim].lit  # nobody has replaced it; the dead have no say in what follows
-    w.replace(victim)
-    first = []
-    tap = w.tap
-
-    def notice(fid, event, actions):
-        tap(fid, event, actions)
-        state = w.bodies[fid].machine.state
-        if fid == victim and state in (State.BUSY_ANCHOR, State.BUSY_LOCALIZING):
-            first.append(state)
-
-    w.tap = notice
-    others = {fid: body.machine.swarm for fid, body in w.bodies.items() if fid != victim}
-    run_to_one_swarm(w, 8.0)
-    assert first[0] == State.BUSY_LOCALIZING
-    assert watch.seen["s10"] > 0
-    assert w.count(Count.JOINS) >= 1
-    if moment > 5:
-        assert {fid: body.machine.swarm for fid, body in w.bodies.items() if fid != victim} == others
+        assert one_swarm(story.at(moment - 0.1))
+        before, after = story.at(back), story.end
+        others = [row for row in range(story.plan.size) if row != victim - 1]
+        assert (before.swarm[others] == after.swarm[others]).all()
 
 
 def test_a_third_of_all_dies_at_once_and_comes_back():
-    w = world(**{"thaw.policy": "off"})
-    Watch(w)
-    w.run(5.0)
-    for fid in range(1, 31, 3):
-        w.kill(fid)
-    w.run(5.5)
-    for fid in range(1, 31, 3):
-        w.replace(fid)
-    run_to_one_swarm(w, 15.0)
-    assert w.hd() < 5.0
+    third = tuple(range(1, 31, 3))
+    story = Story(
+        faults=Schedule((Fault(5.0, "kill", third, 0.5),), 5.5), duration_s=20.0, **CALM
+    )  # fmt: skip
+    assert story.checks.facts.single_s is not None
+    assert story.at(5.2).alive.sum() == 20
+    assert story.hd(story.end) < 5.0
 
 
 def test_the_bereaved_anchor_is_free_after_a_lease():
-    w = world(points=2, **{"thaw.policy": "off"})
-    Watch(w)
-    anchor, localizer = w.bodies[1], w.bodies[2]
-    while (
-        localizer.machine.state is not State.BUSY_LOCALIZING or anchor.machine.state is not State.BUSY_ANCHOR
-    ):
-        assert w.now < 5.0
-        w.run(w.now + 0.0005)
-    w.kill(2)
-    died = w.now
-    while anchor.machine.state is State.BUSY_ANCHOR:
-        w.run(w.now + 0.001)
-    assert w.now - died <= w.rules.lease_s + 0.002
-    assert anchor.machine.counts[Count.LEASES_EXPIRED] == 1
+    """Its localizer dies in flight: no FIN, no renewal, and the lease runs out."""
+    free = Story(points=2, duration_s=5.0, **CALM)
+    grants = [
+        t_s for t_s, fid, _, actions in free.log.events if fid == 2 and any(type(a) is Fly for a in actions)
+    ]
+    assert len(grants) == 2, "its launch, and the way to its anchor"
+    moment = grants[1] + 0.001
+    story = Story(points=2, faults=Schedule((Fault(moment, "kill", (2,)),)), duration_s=moment + 1.0, **CALM)
+    freed = story.result.counters
+    assert freed["leases_expired"] == 1
+    states = [
+        (t_s, fid)
+        for t_s, fid, event, _ in story.log.events
+        if type(event).__name__ == "Due" and event.timer == 2
+    ]
+    assert len(states) == 1
+    assert states[0][0] - moment <= story.plan.rules.lease_s + 0.002
+    assert story.flss[1].machine.state is State.AVAILABLE
 
 
-def test_two_halves_that_cannot_hear_each_other_merge_when_they_can():
-    w = world(**{"thaw.policy": "off"})
-    Watch(w)
-    w.dark_until_heal = {frozenset((a, b)) for a in range(1, 16) for b in range(16, 31)}
-    w.run(6.0)
-    assert w.swarms() >= 2
-    w.dark_until_heal.clear()
-    run_to_one_swarm(w, 10.0)
+@pytest.mark.parametrize("way", ["both", "in", "out"])
+def test_two_halves_that_cannot_hear_each_other_merge_when_they_can(way):
+    cut = Fault(0.0, "cut", tuple(LOW), 6.0, way=way)
+    story = Story(
+        faults=Schedule((cut,)), duration_s=16.0, **CALM,
+        until=lambda snapshot: snapshot.t_s > 6.0 and one_swarm(snapshot),
+    )  # fmt: skip
+    assert swarms(story.at(5.9)) >= 2
+    assert one_swarm(story.end)
+    before = [event for event in story.log.events if event[0] < 6.0 and type(event[2]) is Received]
+    crossed = {(event[1] in LOW, event[2].message.sender in LOW) for event in before}
+    assert ((True, False) in crossed) == (way == "out"), "who listens in the low half"
+    assert ((False, True) in crossed) == (way == "in"), "who listens in the high half"
+
+
+def test_who_hangs_hears_all_of_it_later():
+    fids = (3, 7)
+    story = Story(faults=Schedule((Fault(1.5, "hang", fids, 2.0),)), duration_s=12.0, **CALM)
+    hung = [t_s for t_s, fid, *_ in story.log.events if fid in fids and 1.5 < t_s < 3.5]
+    assert not hung
+    woken = [t_s for t_s, fid, *_ in story.log.events if fid in fids and t_s == 3.5]
+    assert len(woken) > 5
+    assert one_swarm(story.end)
+
+
+def test_who_is_slow_is_late_and_joins():
+    slow = Fault(0.0, "slow", (3, 7, 11), 20.0, 0.3)
+    story = Story(faults=Schedule((slow,)), duration_s=20.0, until=one_swarm, **CALM)
+    assert one_swarm(story.end)
+    swift = Story(duration_s=20.0, until=one_swarm, **CALM)
+    lit = [min(e[0] for e in s.log.events if e[1] == 3 and type(e[2]) is Landed) for s in (story, swift)]
+    assert 0.0 < lit[0] - lit[1] <= 0.3
 
 
 # -- thaws -----------------------------------------------------------------------------------------------------------
@@ -219,147 +205,125 @@ def test_two_halves_that_cannot_hear_each_other_merge_when_they_can():
     "radio", [{}, {"radio.loss": 0.2}, {"radio.delay_ms": 50.0, "radio.jitter_ms": 50.0}], ids=str
 )
 def test_each_thaw_is_obeyed_exactly_once_by_everybody(radio):
-    w = world(**radio, **{"thaw.h_s": 2.0})
-    Watch(w)
-    w.run(12.0)
-    epochs = {body.machine.epoch for body in w.bodies.values()}
+    story = Story(duration_s=12.0, **radio, **{"thaw.h_s": 2.0})
+    epochs = {fls.machine.epoch for fls in story.flss.values()}
     assert min(epochs) >= 3, "who missed a THAW was told"
     assert max(epochs) - min(epochs) <= 1
-    for body in w.bodies.values():  # nobody was dark when the first thaw came
-        assert body.machine.counts[Count.THAWS_OBEYED] == body.machine.epoch
+    # Nobody was dark when the first thaw came, and nobody obeyed one twice.
+    assert story.result.counters["thawed_flss"] == sum(fls.machine.epoch for fls in story.flss.values())
 
 
 def test_who_missed_a_thaw_is_told():
-    w = world(**{"thaw.h_s": 4.0})
-    Watch(w)
-    w.run(3.9)
-    w.dark_until_heal = {frozenset((7, other)) for other in range(1, 31) if other != 7}
-    while w.bodies[1].machine.epoch == 0:
-        w.run(w.now + 0.1)
-    w.run(w.now + 0.1)
-    assert {body.machine.epoch for fid, body in w.bodies.items() if fid != 7} == {1}
-    assert w.bodies[7].machine.epoch == 0
-    w.dark_until_heal.clear()
-    w.run(w.now + 1.5)
-    assert w.bodies[7].machine.epoch == 1
+    before = Story(duration_s=8.0, **{"thaw.h_s": 4.0})
+    thawed = next(t_s for t_s, fid, _, actions in before.log.events if any(_says_thaw(a) for a in actions))
+    alone = Fault(thawed - 0.1, "cut", (7,), 0.3)
+    story = Story(faults=Schedule((alone,)), duration_s=thawed + 1.7, **{"thaw.h_s": 4.0})
+    epochs = {fid: [e[0] for e in story.log.events if e[1] == fid and _obeys(e)] for fid in (1, 7)}
+    assert epochs[1][0] < thawed + 0.05
+    assert thawed + 0.2 <= epochs[7][0] < thawed + 1.7
+    assert story.flss[7].machine.epoch == 1
+
+
+def _says_thaw(action):
+    return getattr(getattr(action, "message", None), "kind", None) == Kind.THAW
+
+
+def _obeys(event):
+    return type(event[2]) is Received and event[2].message.epoch == 1
 
 
 def test_thawing_makes_the_shape_better():
     shares = []
     for seed in range(1, 4):
-        w = world(seed=seed, **{"thaw.h_s": 3.0})
-        run_to_one_swarm(w, 3.5)
-        first = w.hd()
-        w.run(16.0)
-        shares.append(w.hd() / first)
+        story = Story(seed=seed, duration_s=16.0)
+        first = next(snapshot for snapshot in story.audience.samples if one_swarm(snapshot))
+        assert first.t_s <= 4.0
+        shares.append(story.hd(story.end) / story.hd(first))
     assert max(shares) < 0.2
 
 
 # -- the presets -----------------------------------------------------------------------------------------------------
 
 
-def thaw_from_the_engine(w, number):
-    message = Message(Kind.THAW, 0, 0, 0, NO_SWARM, 0, (0.0, 0.0, 0.0), To.ALL)
-    for fid, body in w.bodies.items():
-        w.push(w.now, (fid, body, "datagram", (message, Stamp(1, number, (0.0, 0.0, 0.0), w.now))))
-
-
 def test_the_papers_rules():
-    w = world("paper", **{"thaw.h_s": 4.0})
-    Watch(w)
-    run_to_one_swarm(w, 6.0)
-    w.run(12.0)
-    assert w.hd() < 1.0
-    assert w.count(Count.THAWS_OBEYED) >= w.plan.size
-    assert {body.machine.epoch for body in w.bodies.values()} == {0}
-    assert all(not body.machine.joins for body in w.bodies.values())
+    story = Story("paper", duration_s=12.0, **{"thaw.h_s": 4.0})
+    assert any(one_swarm(snapshot) for snapshot in story.audience.samples if snapshot.t_s <= 6.0)
+    assert story.hd(story.end) < 1.0
+    assert story.result.counters["thawed_flss"] >= story.plan.size
+    assert {fls.machine.epoch for fls in story.flss.values()} == {0}
+    assert all(not fls.machine.joins for fls in story.flss.values())
 
 
 def test_the_authors_rules():
-    w = world("authors_code", points=20)
-    Watch(w)
-    w.run(4.0)
-    first = w.hd()
-    for number in range(1, 9):
-        thaw_from_the_engine(w, number)
-        w.run(w.now + 2.5)
-    assert w.hd() < first / 2
-    assert w.count(Count.THAWS_OBEYED) == 8 * 20
-    assert w.sent[Kind.NEIGHBOUR] == 0
-    assert max(len(body.machine.leases) for body in w.bodies.values()) <= 1
-    assert w.bodies[1].machine.settings.waiting_bound_s > 1e6
-    assert w.bodies[1].machine.settings.m != inf
+    story = Story("authors_code", points=20, duration_s=24.0, **{"thaw.h_s": 2.5})
+    assert story.hd(story.end) < story.hd(story.at(4.0)) / 2
+    thaws = story.result.counters["thaws"]
+    assert thaws >= 5
+    assert 20 * (thaws - 1) <= story.result.counters["thawed_flss"] <= 20 * thaws
+    assert not story.log.kinds_sent()[int(Kind.NEIGHBOUR)]
+    assert max(len(fls.machine.leases) for fls in story.flss.values()) <= 1
+    assert story.flss[1].machine.settings.waiting_bound_s > 1e6
+    assert story.flss[1].machine.settings.m != inf
 
 
 # -- chance ----------------------------------------------------------------------------------------------------------
 
 
-def story(until_s=6.0, **settings):
-    w = world(**settings)
-    events = []
-    w.tap = lambda fid, event, actions: events.append((w.now, fid, event, actions))
-    w.run(until_s)
-    return events
-
-
 def test_the_same_seed_is_the_same_run():
-    assert story(seed=5) == story(seed=5)
     faults = {"radio.loss": 0.2, "radio.duplicate": 0.2, "radio.jitter_ms": 20.0, "radio.delay_ms": 20.0}
-    assert story(seed=5, **faults) == story(seed=5, **faults)
+    storm = Schedule((Fault(1.0, "kill", (2, 3), 0.5), Fault(2.0, "slow", (5, 6), 2.0, 0.1)), 5.0)
+    one, two = (Story(seed=5, duration_s=6.0, faults=storm, **faults) for _ in range(2))
+    assert one.log.events == two.log.events
+    assert one.result.extra["trace_sha256"] == two.result.extra["trace_sha256"]
 
 
-def test_another_seed_is_another_run():
-    assert story(seed=5, until_s=2.0) != story(seed=6, until_s=2.0)
-
-
-def flight_draws(**settings):
-    """For each FLS the state of its flight generator before each of its flights."""
-    w = world(**settings)
-    draws = {fid: [] for fid in w.bodies}
-
-    def tap(fid, event, actions):
-        for action in actions:
-            if isinstance(action, Fly):
-                draws[fid].append(w.flight_rng[fid].getstate())
-
-    for fid in w.bodies:
-        draws[fid].append(w.flight_rng[fid].getstate())
-    w.tap = tap
-    w.run(6.0)
-    return draws
+def test_until_its_first_fault_a_run_is_the_same():
+    """A schedule takes no draw of anybody's."""
+    plain = Story(duration_s=4.0)
+    late = Story(
+        duration_s=4.0, faults=Schedule((Fault(2.0, "kill", (4,), 0.5), Fault(3.0, "slow", (5,), 1.0, 0.1)))
+    )
+    before = [event for event in plain.log.events if event[0] < 2.0]
+    assert len(before) > 300
+    assert before == [event for event in late.log.events if event[0] < 2.0]
+    assert plain.log.events != late.log.events
 
 
 def test_loss_does_not_change_how_much_flights_are_off():
-    clean, lossy = flight_draws(), flight_draws(**{"radio.loss": 0.2})
+    clean, lossy = Story(duration_s=6.0), Story(duration_s=6.0, **{"radio.loss": 0.2})
     compared = 0
-    for fid, draws in clean.items():
-        both = min(len(draws), len(lossy[fid]))
-        assert draws[:both] == lossy[fid][:both]
-        compared += both
-    assert compared > 60
-    assert clean != lossy
+    for fid in clean.flss:
+        flights = [
+            [e[3] for e in story.log.events if e[1] == fid and e[0] == 0.0] for story in (clean, lossy)
+        ]
+        assert flights[0] == flights[1]
+        compared += len(flights[0])
+    assert compared == 30
+    # Two generators that have drawn equally often are in the same state, whatever the radio did meanwhile.
+    same = [
+        clean.flss[fid]._flight_rng.getstate() == lossy.flss[fid]._flight_rng.getstate()
+        for fid in clean.flss
+        if _flights(clean, fid) == _flights(lossy, fid)
+    ]
+    assert same
+    assert all(same)
+
+
+def _flights(story, fid):
+    return sum(
+        type(action) is Fly for _, who, _, actions in story.log.events if who == fid for action in actions
+    )
 
 
 def test_a_stale_capture_changes_nothing():
-    """Every datagram that FLS 3 ever got, once more: each is dropped by the window."""
-    w = world()
-    captured = []
-    receive = w.receive
-
-    def capture(fid, body, message, stamp):
-        if fid == 3:
-            captured.append((message, stamp))
-        receive(fid, body, message, stamp)
-
-    w.receive = capture
-    w.run(5.0)
-    w.receive = receive
-    body = w.bodies[3]
-    before = (body.machine.view(), list(body.machine.counts))
-    events = []
-    w.tap = lambda fid, event, actions: events.append(event)
-    for message, stamp in captured:
-        w.receive(3, body, message, stamp)
+    """Every datagram that FLS 3 ever took, once more: each is dropped by the window."""
+    story = Story(duration_s=5.0)
+    fls, captured = story.flss[3], story.log.taken[3]
     assert len(captured) > 50
-    assert not [event for event in events if isinstance(event, Received)]
-    assert (body.machine.view(), list(body.machine.counts)) == before
+    before, handled = fls.machine.view(), len(story.log.events)
+    story.log.fates.clear()
+    for message, stamp in captured:
+        fls.arrive(message, stamp)
+    assert story.log.fates == {"replayed": len(captured)}
+    assert len(story.log.events) == handled
+    assert fls.machine.view() == before

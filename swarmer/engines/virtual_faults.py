@@ -1,0 +1,255 @@
+"""A fault schedule carried out in virtual time (`swarmer.faults`): who is dark, hangs, is late or is cut off.
+
+Only a run with a schedule has any of this: its FLSs are of a class that asks their mood first. Where a schedule begins
+nothing else changes, so a run is the same until its first fault.
+"""
+
+from __future__ import annotations
+
+from random import Random
+from typing import TYPE_CHECKING, Protocol
+
+from swarmer.engines.virtual_fls import FAILED, Shared, VirtualFls
+from swarmer.engines.virtual_time import DATAGRAM, FREE, HELD, TURN, Agenda
+from swarmer.fls import BATTERY, FAILURE, NEVER, BaseFls, FlsSpec
+from swarmer.messages import ENGINE_FID, Message, Stamp
+from swarmer.protocol.events import Timer
+from swarmer.protocol.thaw import Never
+from swarmer.streams import stream
+from swarmer.telemetry import Wire
+
+if TYPE_CHECKING:
+    from swarmer.engines.thaws import ThawWatch
+    from swarmer.faults import Fault, Schedule
+
+_LOST_RECEIVER = int(Wire.LOST_RECEIVER)
+
+
+class Sky(Protocol):
+    """What the weather needs of a run."""
+
+    agenda: Agenda
+    flss: list[VirtualFls]
+    thaws: ThawWatch
+
+    def replace(self, fid: int) -> None: ...
+
+
+class Weather:
+    """The faults of one run: which hold now, and what begins and ends when."""
+
+    def __init__(self, run: Sky, schedule: Schedule) -> None:
+        self.dark: set[int] = set()  # FIDs that nothing but the schedule may replace
+        self.calm = False
+        self._run, self._schedule = run, schedule
+        self._hung: dict[int, float] = {}  # FID -> until when
+        self._slow: dict[int, list[float]] = {}  # FID -> how late, of each fault that holds
+        self._cuts: list[tuple[frozenset[int], str]] = []
+
+    def begin(self) -> None:
+        """Put down every beginning and end; of those at one moment, ends come first."""
+        agenda, schedule = self._run.agenda, self._schedule
+        calm_s = NEVER if schedule.calm_s is None else schedule.calm_s
+        faults = [fault for fault in schedule.faults if fault.at_s < calm_s]
+        turns = [(fault.at_s, 1, number, fault) for number, fault in enumerate(faults)]
+        turns += [(min(fault.ends_s, calm_s), 0, number, fault) for number, fault in enumerate(faults)]
+        for at_s, begins, _, fault in sorted(turns):
+            if at_s < NEVER:
+                agenda.put(at_s, TURN, _ALWAYS, (fault, bool(begins)))
+        if calm_s < NEVER:
+            agenda.put(calm_s, TURN, _ALWAYS, (None, True))
+
+    def make(self, shared: Shared, spec: FlsSpec) -> VirtualFls:
+        """A new FLS of this run."""
+        fls = StormyFls(shared, spec, Mood(self, shared.seed, spec))
+        if self.calm:
+            fls.calm_down()
+        return fls
+
+    def turn(self, what: tuple[Fault | None, bool]) -> None:
+        """A fault begins or ends; or, without one, all is well from now on."""
+        fault, begins = what
+        if fault is None:
+            self._calm_down()
+        elif fault.what == "kill":
+            self._kill(fault) if begins else self._replace(fault)
+        elif fault.what == "hang":
+            if begins:
+                self._hang(fault)
+        elif fault.what == "slow":
+            for fid in fault.where:
+                held = self._slow.setdefault(fid, [])
+                held.append(fault.late_s) if begins else held.remove(fault.late_s)
+        else:
+            part = (frozenset(fault.where), fault.way)
+            self._cuts.append(part) if begins else self._cuts.remove(part)
+
+    def _kill(self, fault: Fault) -> None:
+        for fid in fault.where:
+            self.dark.add(fid)
+            fls = self._run.flss[fid - 1]
+            if fls.alive:
+                assert isinstance(fls, StormyFls)
+                fls.die()
+
+    def _replace(self, fault: Fault) -> None:
+        for fid in fault.where:
+            self.dark.discard(fid)
+            if not self._run.flss[fid - 1].alive:
+                self._hung.pop(fid, None)
+                self._run.replace(fid)
+
+    def _hang(self, fault: Fault) -> None:
+        end = fault.at_s + self._schedule.length_s(fault)
+        for fid in fault.where:
+            self._hung[fid] = max(end, self._hung.get(fid, 0.0))
+
+    def _calm_down(self) -> None:
+        """Every fault has ended by now; here the radio heals, and nobody fails or thaws any more."""
+        self.calm = True
+        self._run.thaws.stop()
+        self.dark.clear()
+        for fls in list(self._run.flss):
+            assert isinstance(fls, StormyFls)
+            if fls.alive:
+                fls.calm_down()
+            else:
+                self._run.replace(fls.fid)
+
+    # -- what an FLS asks ----------------------------------------------------------------------------------------
+
+    def hung_until(self, fid: int) -> float:
+        """When this FLS hangs no more; a moment that is over if it does not."""
+        return self._hung.get(fid, 0.0)
+
+    def late_s(self, fid: int) -> float:
+        """How late this FLS may be now."""
+        return sum(self._slow.get(fid, ()))
+
+    def cut(self, sender: int, fid: int) -> bool:
+        """A datagram from `sender` does not get to `fid`. What the engine says always does."""
+        for part, way in self._cuts:
+            if (sender in part) != (fid in part) and way != ("in" if sender in part else "out"):
+                return sender != ENGINE_FID
+        return False
+
+
+class Mood:
+    """What a schedule does to one FLS."""
+
+    __slots__ = ("due_s", "fid", "late", "rng", "weather")
+
+    def __init__(self, weather: Weather, seed: int, spec: FlsSpec) -> None:
+        self.weather, self.fid = weather, spec.fid
+        self.rng: Random = stream(seed, "mood", spec.fid, spec.incarnation)
+        self.due_s = [-1.0] * (FAILURE + 1)  # when what was put off comes late enough
+        self.late: Late | None = None
+
+
+class Late:
+    """An FLS for a datagram that has been late already."""
+
+    __slots__ = ("_fls", "fid")
+
+    def __init__(self, fls: StormyFls) -> None:
+        self._fls, self.fid = fls, fls.fid
+
+    @property
+    def alive(self) -> bool:
+        return self._fls.alive
+
+    def hear(self, message: Message, stamp: Stamp) -> None:
+        self._fls.hear_late(message, stamp)
+
+
+class _Always:
+    """Stands where the agenda names an FLS, for what concerns none."""
+
+    alive, fid = True, 0
+
+
+_ALWAYS = _Always()
+
+
+class StormyFls(VirtualFls):
+    """`virtual_fls.VirtualFls` under a fault schedule."""
+
+    __slots__ = ("mood",)
+
+    def __init__(self, shared: Shared, spec: FlsSpec, mood: Mood) -> None:
+        self.mood = mood
+        super().__init__(shared, spec)
+        mood.late = Late(self)
+        self._plain = False
+
+    def hear(self, message: Message, stamp: Stamp) -> None:
+        """A datagram comes to the border of a cut, and to a process that may hang or be slow."""
+        mood, now = self.mood, self._agenda.now
+        weather = mood.weather
+        if weather.cut(message.sender, self.fid):
+            self.network_counts[_LOST_RECEIVER] += 1
+            self.tell_fate(message, stamp, "lost")
+            return
+        late = weather.late_s(self.fid)
+        if late > 0.0:
+            self._agenda.put(now + mood.rng.uniform(0.0, late), DATAGRAM, mood.late, message, stamp)
+        else:
+            self.hear_late(message, stamp)
+
+    def hear_late(self, message: Message, stamp: Stamp) -> None:
+        """It has been late; now it may still find the process hanging."""
+        until = self.mood.weather.hung_until(self.fid)
+        if until > self._agenda.now:
+            self._agenda.put(until, DATAGRAM, self.mood.late, message, stamp)
+        else:
+            super().hear(message, stamp)
+
+    def fresh(self, message: Message, stamp: Stamp) -> bool:
+        """Whatever was put off may come too late for the window, so that is always asked."""
+        return BaseFls.fresh(self, message, stamp)
+
+    def arrive(self, message: Message, stamp: Stamp) -> None:
+        """What the radio held back may come while the process hangs."""
+        until = self.mood.weather.hung_until(self.fid)
+        if until > self._agenda.now:
+            self._agenda.put(until, HELD, self, message, stamp)
+        else:
+            super().arrive(message, stamp)
+
+    def look(self, what: int, at_s: float) -> bool:
+        """A timer may be late; to fail takes no process."""
+        mood = self.mood
+        if what == FAILURE or self._noted[what] != at_s or self.due[what] > at_s:
+            return super().look(what, at_s)
+        until = mood.weather.hung_until(self.fid)
+        if until <= at_s:
+            late = mood.weather.late_s(self.fid)
+            if late == 0.0 or mood.due_s[what] == at_s:
+                return super().look(what, at_s)
+            if (
+                mood.due_s[what] < at_s
+            ):  # else it was put off before, and armed anew meanwhile: that is late enough
+                mood.due_s[what] = at_s + mood.rng.uniform(0.0, late)
+            until = mood.due_s[what]
+        self._noted[what] = until
+        self._agenda.put(until, what, self)
+        return False
+
+    def die(self) -> None:
+        """Fail, as a schedule has it."""
+        self.end(FAILED)
+
+    def calm_down(self) -> None:
+        """From now on nothing goes wrong with this FLS, and it thaws nobody."""
+        self._sender_rng = self._receiver_rng = None
+        self.machine.thaw_policy = Never()
+        for what in (int(Timer.THAW), int(Timer.REPORT), FAILURE, BATTERY):
+            self.due[what] = NEVER
+
+    def wake(self) -> None:
+        """A handler that hangs goes on later."""
+        until = self.mood.weather.hung_until(self.fid)
+        if until > self._agenda.now:
+            self._agenda.put(until, FREE, self)
+        else:
+            super().wake()

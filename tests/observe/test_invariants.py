@@ -1,0 +1,88 @@
+"""Checks of a run for who runs it: `--check`, what a broken invariant tells, and the page that lists them."""
+
+import json
+from importlib import util
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from swarmer import cli
+from swarmer.errors import BadInput
+from swarmer.observe.invariants import INVARIANTS
+from swarmer.radio import ReplayWindow
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+SMALL = ["--shape", "sphere", "--points", "20", "--duration", "4", "--no-recording", "--engine", "virtual"]
+
+
+def run(*arguments):
+    done = CliRunner().invoke(cli.load("run"), [*SMALL, *map(str, arguments)], standalone_mode=False)
+    return done, done.return_value
+
+
+def summary_of(directory):
+    return json.loads((directory / "summary.json").read_text("utf-8"))
+
+
+def test_a_run_that_is_checked_says_how_much(tmp_path):
+    done, status = run("--check", "--out", tmp_path / "checked")
+    assert status == 0, done.output
+    summary = summary_of(tmp_path / "checked")
+    assert summary["invariants_checked"] > 1000
+    assert summary["invariant_violations"] == 0
+    run("--out", tmp_path / "plain")
+    plain = summary_of(tmp_path / "plain")
+    assert "invariants_checked" not in plain
+    assert plain["trace_sha256"] == summary["trace_sha256"], "checks change nothing"
+
+
+def test_a_broken_invariant_stops_the_run_and_tells(tmp_path, monkeypatch):
+    monkeypatch.setattr(ReplayWindow, "fresh", lambda *_: True)
+    copies = ["--set", "radio.duplicate=0.5"]
+    done, status = run("--check", *copies, "--out", tmp_path / "broken")
+    assert status == 1
+    summary = summary_of(tmp_path / "broken")
+    assert summary["status"] == "failed"
+    assert summary["invariant_violations"] == 1
+    broken = summary["violation"]
+    assert broken["invariant"] == "S12 ids"
+    assert summary["message"].startswith(
+        f"S12 ids: FLS {broken['fid']} at {broken['t_s']:.4f} s: handles number"
+    )
+    assert 2 <= len(broken["last"]) <= 20
+    assert broken["last"][-1].startswith(f"{broken['t_s']:.4f} s  FLS {broken['fid']} ")
+    for line in (broken["guards"], broken["last"][-1]):
+        assert line in done.output
+    # The command makes the same run up to there.
+    again = next(line for line in done.output.splitlines() if line.startswith("  again  "))
+    arguments = again.split(" run ", 1)[1].split()
+    done = CliRunner().invoke(
+        cli.load("run"), [*arguments, "--out", str(tmp_path / "again")], standalone_mode=False
+    )
+    second = summary_of(tmp_path / "again")
+    assert second["violation"] == broken
+    assert second["trace_sha256"] == summary["trace_sha256"]
+
+
+def test_only_virtual_time_can_be_checked(tmp_path):
+    arguments = ["--check", "--shape", "sphere", "--points", "20", "--out", str(tmp_path / "no")]
+    with pytest.raises(BadInput, match="check: the engine process cannot be checked"):
+        CliRunner().invoke(cli.load("run"), arguments, standalone_mode=False, catch_exceptions=False)
+    assert not (tmp_path / "no").exists()
+
+
+def test_every_invariant_says_in_a_sentence_what_it_guards():
+    assert len({kind.name for kind in INVARIANTS}) == len(INVARIANTS)
+    for kind in INVARIANTS:
+        assert kind.guards[0].isupper()
+        assert kind.guards.endswith(".")
+
+
+def test_the_page_lists_every_invariant():
+    spec = util.spec_from_file_location("invariants_list", DOCS / "invariants_list.py")
+    module = util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    table = module.list_markdown()
+    assert "<!-- invariants: list -->" in (DOCS / "invariants.md").read_text("utf-8")
+    assert all(f"| {kind.name} | {kind.title} | {kind.guards} |" in table for kind in INVARIANTS)
