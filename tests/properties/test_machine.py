@@ -164,6 +164,8 @@ class Life(RuleBasedStateMachine):
             kinds += [Kind.CHALLENGE_ACCEPT] * 4
         if m.accepts:
             kinds += [Kind.CHALLENGE_ACK] * 8
+        if m.state is BL:  # what crosses: refused
+            kinds += [Kind.CHALLENGE_ACCEPT, Kind.LEASE_CANCEL] * 4
         if m.leases:
             kinds += [Kind.CHALLENGE_FIN, Kind.LEASE_RENEW, Kind.LEASE_CANCEL]
         kind = data.draw(st.sampled_from(kinds))

@@ -34,9 +34,11 @@ from swarmer.plugins.signal_strength import SignalStrength
 from swarmer.protocol import anchoring, challenging, following, localizing, pairing, race, thawing
 from swarmer.protocol.anchor_selection import STRATEGIES
 from swarmer.protocol.beliefs import Beliefs
+from swarmer.protocol.census import Census
 from swarmer.protocol.leases import Leases
 from swarmer.protocol.memory import Memory
 from swarmer.protocol.records import BA, BL, A, State
+from swarmer.protocol.reports import Roll
 from swarmer.radio import ReplayWindow
 from swarmer.shapes import neighbours
 from swarmer.state_machine import Rule, StateMachine
@@ -402,6 +404,24 @@ def after_thaw(patch: Patch, keep: Callable[[Memory], Callable[[], None]]) -> No
     everywhere(patch, obey, obey_thaw)
 
 
+@mutant("census counts twice", "S11", **{"thaw.policy": "census"})
+def _(patch):
+    hear = Roll.hear
+
+    def hear_twice(self, message):
+        hear(self, message)
+        if message.swarm == self._of:
+            self._incarnations[-message.sender] = 0
+
+    patch.setattr(Roll, "hear", hear_twice)
+
+
+@mutant("census off by one", "S11", **{"thaw.policy": "census"})
+def _(patch):
+    begin = Census.__init__
+    patch.setattr(Census, "__init__", lambda self, count, *more: begin(self, count - 1, *more))
+
+
 @mutant("keeps range", "S11", **{"radio.loss": 0.3})
 def _(patch):
     def keep(me):
@@ -526,14 +546,14 @@ def _(patch):
 
 @mutant("stopped FLS returns", "S13")
 def _(patch):
-    end = VirtualFls._end
+    end = VirtualFls.end
 
     def end_in_name_only(self, how):
         due = list(self.due)
         end(self, how)
         self.alive, self.due = True, due
 
-    patch.setattr(VirtualFls, "_end", end_in_name_only)
+    patch.setattr(VirtualFls, "end", end_in_name_only)
 
 
 # -- the table -------------------------------------------------------------------------------------------------------

@@ -100,6 +100,8 @@ def draw_settings(rng: Random, seed: int) -> dict[str, Any]:
         "deploy.start": rng.choice(["dispatcher", "dispatcher", "random"]),
         "sensing.sample_ms": rng.choice([0.0, 0.0, 20.0]),
     }  # fmt: skip
+    if settings["thaw.policy"] not in ("timer", "centralized", "off"):  # all others count by epochs
+        settings["epochs"] = True
     if rng.random() < 0.2:
         settings["waiting_bound_ms"] = 10 * lambda_ms
     if rng.random() < 0.2:

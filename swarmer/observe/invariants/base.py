@@ -25,7 +25,8 @@ D, A, BA, BL, W = State
 TINY = 1e-9
 NOTED = 0  # the key of a datagram that is only noted; those of other events are the table's
 EVERY: frozenset[int] = frozenset(range(KEYS))
-ACTIVE = EVERY - {NOTED, int(Kind.NEIGHBOUR)}  # without those that only tell a Swarm-ID
+QUIET = frozenset({NOTED, int(Kind.NEIGHBOUR)})  # those that only tell a Swarm-ID, in an epoch that goes on
+ACTIVE = EVERY - QUIET
 RECENT = 20  # events of an FLS that a report can tell
 
 NO_LEASES: dict[int, float] = {}
@@ -48,8 +49,8 @@ class Life:
     __slots__ = (
         "acks", "alive", "anchor", "challenge_at", "complete_ticks", "epoch", "fid", "first_challenge", "flight_s",
         "fls", "flying", "grants", "incarnation", "joined", "joins", "leases", "localizes_since", "machine", "newest",
-        "number", "origin", "pending", "place", "reach", "recent", "state", "swarm", "taken", "thawed_s", "thaws_at",
-        "thaws_heard", "thaws_run", "waits_since",
+        "number", "origin", "pending", "place", "reach", "recent", "reporters", "state", "swarm", "taken", "thawed_s",
+        "thaws_at", "thaws_heard", "thaws_run", "waits_since",
     )  # fmt: skip
 
     def __init__(self, fls: Seen, now_s: float) -> None:
@@ -75,6 +76,7 @@ class Life:
         self.complete_ticks = 1 << 30  # since the last probe
         self.origin: Vec3 | None = None  # where the anchor said it was
         self.place: Vec3 = fls.flight.start  # where its last flight ended
+        self.reporters: set[int] = set()  # who has told it, in this epoch and swarm, that it is in it, too
         self.flight_s = 0.0  # how long that one took
         self.localizes_since = self.waits_since = now_s
         self.thawed_s = -1e9

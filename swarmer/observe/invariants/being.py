@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from math import isfinite
 
-from swarmer.messages import SWARM_KINDS, THAW, TO_SWARM, Message, Stamp, Swarm
+from swarmer.messages import COUNT, SWARM_KINDS, THAW, TO_SWARM, Message, Stamp, Swarm
 from swarmer.observe.invariants.base import BA, EVERY, NOTED, TINY, A, D, Facts, Invariant, Life, Step
-from swarmer.protocol.events import Arm, Local, Timer
+from swarmer.protocol.events import Arm, Local, ThawBegins, Timer
 from swarmer.radio import WINDOW
 
 TICK, LANDED = int(Local.CHALLENGE_DUE), int(Local.LANDED)
@@ -85,7 +85,8 @@ class Thawing(Invariant):
     name, title = "S11", "thaw"
     guards = (
         "Each thaw is obeyed once; after it an FLS is a swarm of its own, owes nothing, waits for nobody, is at the "
-        "start of its range and where it was; policy `timer` arms between H and spread times H."
+        "start of its range and where it was; policy `timer` arms between H and spread times H, `census` thaws on the "
+        "reports of all F FLSs."
     )
     on = EVERY
     on_dark = EVERY
@@ -93,9 +94,9 @@ class Thawing(Invariant):
     def __init__(self, facts: Facts) -> None:
         super().__init__(facts)
         rules = facts.rules
-        self._timer = (
-            (rules.thaw_h_s, rules.thaw_h_s * rules.thaw_spread) if rules.thaw_policy == "timer" else None
-        )
+        h_s, policy = rules.thaw_h_s, rules.thaw_policy
+        self._timer = (h_s, h_s * rules.thaw_spread) if policy == "timer" else None
+        self._census = policy == "census"
 
     def after(self, step: Step) -> str | None:
         m, was = step.m, step.was
@@ -112,7 +113,23 @@ class Thawing(Invariant):
                     delay = action.at_s - step.now
                     if not lowest - TINY <= delay <= highest + TINY:
                         return f"means to thaw in {delay:.3f} s; {lowest:.3f} to {highest:.3f} s are allowed"
+        if self._census:
+            wrong = self._counted(step)
+            if wrong:
+                return wrong
         return self._obeyed(step) if step.thaws else None
+
+    def _counted(self, step: Step) -> str | None:
+        """Policy `census`: who begins a thaw by its list has the reports of all others."""
+        was, event = step.was, step.event
+        if step.key == COUNT and (event.message.epoch, event.message.swarm) == (was.epoch, was.swarm):
+            was.reporters.add(event.message.sender)
+        begins = [action for action in step.actions if type(action) is ThawBegins and action.known]
+        if begins and len(was.reporters) < self.facts.rules.count - 1:
+            return f"thaws, with reports of {len(was.reporters)} FLSs; there are {self.facts.rules.count - 1} others"
+        if step.m.swarm != was.swarm or step.thaws:
+            was.reporters.clear()
+        return None
 
     def _obeyed(self, step: Step) -> str | None:
         self.looked += 1
@@ -230,7 +247,10 @@ class Always(Invariant):
     def said(self, step: Step, message: Message) -> str | None:
         self.looked += 1
         m = step.m
-        if (message.sender, message.incarnation, message.epoch) != (m.fid, m.incarnation, m.epoch):
+        epochs = (
+            (m.epoch, step.was.epoch) if step.thaws else (m.epoch,)
+        )  # what came before the thaw is of the old one
+        if (message.sender, message.incarnation) != (m.fid, m.incarnation) or message.epoch not in epochs:
             return f"signs as another: {message}"
         if message.to == TO_SWARM and (message.kind not in SWARM_KINDS or message.addressee.xi == 0):
             return f"speaks to the wrong ones: {message}"

@@ -13,7 +13,7 @@ from swarmer.engines.result import Seen, Witness
 from swarmer.errors import RunFailed
 from swarmer.faults import NO_FAULTS, Schedule
 from swarmer.messages import THAW
-from swarmer.observe.invariants.base import NOTED, D, Facts, Invariant, Life, Step
+from swarmer.observe.invariants.base import NOTED, QUIET, D, Facts, Invariant, Life, Step
 from swarmer.observe.invariants.being import Always, Believing, Deploying, Lives, Numbers, Thawing
 from swarmer.observe.invariants.liveness import OneSwarm, Silence
 from swarmer.observe.invariants.moving import Following, Localizing, StandingStill
@@ -89,6 +89,7 @@ class Checks(Witness):
         after = sorted(_asked("after", self.invariants), key=lambda ask: type(ask[0]) not in CAUSES)
         said = _asked("said", self.invariants)
         self._lit_table = [[ask for ask in after if key in ask[0].on] for key in range(KEYS)]
+        self._quiet = [ask for ask in after if type(ask[0]) in (Numbers, Believing)]
         self._dark_table = [[ask for ask in after if key in ask[0].on_dark] for key in range(KEYS)]
         self._said_table = [[ask for ask in said if kind in ask[0].says] for kind in range(_TIMERS)]
         self._stamped = _asked("stamped", self.invariants)
@@ -135,6 +136,9 @@ class Checks(Witness):
         if self._takes_time:
             _count_thaws(step)
         was.recent.append((now_s, was.state, machine.state, was.swarm, event, actions))
+        if step.key in QUIET and not actions and machine.epoch == was.epoch and was.state is not D:
+            self._ask(step, self._quiet)  # nothing else has changed
+            return
         self._look(step)
         if machine.swarm is not was.swarm or (was.state is D and machine.state is not D):
             self._count_swarms(was, now_s)
@@ -142,15 +146,18 @@ class Checks(Witness):
 
     def _look(self, step: Step) -> None:
         table = self._dark_table if step.was.state is D else self._lit_table
-        for invariant, look in table[step.key]:
-            wrong = look(step)
-            if wrong is not None:
-                self._judge(invariant, wrong, step.was.fid, step.now)
+        self._ask(step, table[step.key])
         for message in step.sent:
             for invariant, look in self._said_table[message.kind]:
                 wrong = look(step, message)
                 if wrong is not None:
                     self._judge(invariant, wrong, step.was.fid, step.now)
+
+    def _ask(self, step: Step, asked: list[_Ask]) -> None:
+        for invariant, look in asked:
+            wrong = look(step)
+            if wrong is not None:
+                self._judge(invariant, wrong, step.was.fid, step.now)
 
     def sent(self, fls: Seen, message: Message, stamp: Stamp, copies: int, now_s: float) -> None:
         life = self.facts.lives[fls.fid]
