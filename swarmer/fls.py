@@ -96,11 +96,11 @@ class BaseFls(ABC):
     """The two roles and what they share. An engine's class says how time passes and which way a datagram takes."""
 
     __slots__ = (
-        "_count", "_dead_reckoning", "_flight_rng", "_fresh", "_heard_from", "_machine_rng", "_measured_from",
+        "_count", "_dead_reckoning", "_flight_rng", "_heard_from", "_machine_rng", "_measured_from",
         "_neighbour_reply", "_neighbours", "_numbers", "_range_estimated", "_receiver_rng", "_receiver_rules",
-        "_run_id", "_seed", "_sender_rng", "_sender_rules", "_sensor_rng", "due", "ears", "flight", "handler_counts",
-        "machine", "network_counts", "notes", "published", "queues", "rules", "sensor", "spec", "velocity",
-        "witness",
+        "_run_id", "_seed", "_sender_rng", "_sender_rules", "_sensor_rng", "_window", "due", "ears", "flight",
+        "handler_counts", "machine", "network_counts", "notes", "published", "queues", "rules", "sensor", "spec",
+        "velocity", "witness",
     )  # fmt: skip
 
     def __init__(
@@ -128,7 +128,7 @@ class BaseFls(ABC):
         self._neighbours = self.machine.beliefs.neighbours
         self.flight = Flight(spec.origin, _STILL, 0.0, 0.0, 0.0)
         self.ears = Ears(run_id, spec.fid, NO_SWARM, spec.truth, self._neighbours)
-        self._fresh = ReplayWindow().fresh
+        self._window = ReplayWindow()
         self._numbers = counting(1)
         self.queues: tuple[deque[Queued], ...] = (deque(), deque(), deque())
         self.notes: deque[tuple[Message, Stamp]] = deque(maxlen=1024)
@@ -265,7 +265,7 @@ class BaseFls(ABC):
 
     def fresh(self, message: Message, stamp: Stamp) -> bool:
         """Rule 12: not received before, not too old, not from a predecessor; from now on it counts as received."""
-        return self._fresh(message.sender, message.incarnation, stamp.number)
+        return self._window.fresh(message.sender, message.incarnation, stamp.number)
 
     def tell_fate(self, message: Message, stamp: Stamp, fate: str) -> None:
         """What became of a datagram here, in the words of `engines.result.FATES`."""
@@ -277,7 +277,9 @@ class BaseFls(ABC):
     def work(self, now: float) -> bool:
         """Handle the one thing that is most urgent; False if there is nothing to do now."""
         while self.notes:
-            self.take_note(*self.notes.popleft())
+            message, stamp = self.notes.popleft()
+            if not self._outlived(message, stamp):
+                self.take_note(message, stamp)
         queues = self.queues
         if queues[0]:
             self._take_up(queues[0], now)
@@ -296,8 +298,17 @@ class BaseFls(ABC):
 
     def _take_up(self, queue: deque[Queued], now: float) -> None:
         since, message, stamp = queue.popleft()
-        self.taken_up(now - since)
-        self.take_message(message, stamp)
+        if not self._outlived(message, stamp):
+            self.taken_up(now - since)
+            self.take_message(message, stamp)
+
+    def _outlived(self, message: Message, stamp: Stamp) -> bool:
+        """While it waited a successor of its sender was heard, in a queue that goes first: too late (rule 12)."""
+        outlived = self._window.outlived(message.sender, message.incarnation)
+        if outlived:
+            self.handler_counts[_REPLAYED] += 1
+            self.tell_fate(message, stamp, "replayed")
+        return outlived
 
     def take_message(self, message: Message, stamp: Stamp) -> None:
         """Handle a message that the network role queued."""

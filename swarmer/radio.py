@@ -141,6 +141,11 @@ class ReplayWindow:
         # sender -> (incarnation, newest number, bit k: newest - k was received)
         self._seen: dict[int, tuple[int, int, int]] = {}
 
+    def outlived(self, sender: int, incarnation: int) -> bool:
+        """True if a successor of this incarnation was heard: what it has said is never handled any more."""
+        seen = self._seen.get(sender)
+        return seen is not None and incarnation < seen[0]
+
     def fresh(self, sender: int, incarnation: int, number: int) -> bool:
         """True once for each datagram that is new; then it counts as received."""
         seen = self._seen.get(sender)

@@ -39,8 +39,21 @@ def fls():
     made.close()
 
 
-def say(fls, kind, sender, number, origin=(0.0, 0.0, 0.0), to=To.FLS, addressee=Swarm(3, 0), run=RUN, **more):
-    message = Message(kind, sender, 0, 0, Swarm(sender, 0), 1, (5.0, 0.0, 0.0), to, addressee, **more)
+def say(
+    fls,
+    kind,
+    sender,
+    number,
+    origin=(0.0, 0.0, 0.0),
+    to=To.FLS,
+    addressee=Swarm(3, 0),
+    run=RUN,
+    incarnation=0,
+    **more,
+):
+    message = Message(
+        kind, sender, incarnation, 0, Swarm(sender, 0), 1, (5.0, 0.0, 0.0), to, addressee, **more
+    )
     fls.receive(encode(message, Stamp(run, number, origin, fls.clock.now())))
 
 
@@ -95,3 +108,16 @@ def test_urgent_messages_go_first(fls):
     while fls.step():
         pass
     assert handled == [Kind.SET_WAITING, Kind.CHALLENGE_INIT]
+
+
+def test_who_was_replaced_while_its_message_waited_is_not_handled(fls):
+    """The successor's message goes first by its priority, and then the predecessor's is a dead FLS's (rule 12)."""
+    say(fls, Kind.CHALLENGE_INIT, 1, 1, to=To.ALL, addressee=NO_SWARM, challenge=9, range=50.0)
+    say(fls, Kind.SET_WAITING, 1, 1, to=To.SWARM, incarnation=1)
+    handled = []
+    take = fls.machine.handle
+    fls.machine.handle = lambda event, now: handled.append(event.message.incarnation) or take(event, now)
+    while fls.step():
+        pass
+    assert handled == [1]
+    assert fls.handler_counts[Wire.REPLAYED] == 1

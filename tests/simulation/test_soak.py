@@ -1,6 +1,7 @@
 """Worlds full of faults, always the same ones; `make soak` plays fresh ones for as long as told."""
 
 from collections import Counter
+from pathlib import Path
 
 import pytest
 from worlds import THAW_POLICIES, draw, play
@@ -11,10 +12,13 @@ from swarmer.observe.invariants import INVARIANTS
 from swarmer.radio import ReplayWindow
 
 SEEDS = range(1, 61)
+FOUND = [
+    int(line.split()[0]) for line in (Path(__file__).parent / "seeds.txt").read_text("utf-8").splitlines()
+]
 MANY = range(1000, 1240)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", [*SEEDS, *FOUND])
 def test_a_world_full_of_faults_heals(seed):
     outcome = play(draw(seed))
     assert outcome.failure is None, f"python scripts/soak.py --seed {seed} --once: {outcome.failure}"
