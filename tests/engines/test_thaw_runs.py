@@ -64,7 +64,7 @@ def test_without_failures_every_thaw_of_a_policy_comes_at_one_swarm(policy, loss
 
 @pytest.mark.parametrize("policy", POLICIES)
 def test_a_policy_that_knows_is_faster_than_the_clock(policy):
-    clock = fly(duration_s=15)[1].progress.time_to_hd_s["0.01"]
+    clock = fly(**{"duration_s": 15, "thaw.policy": "timer"})[1].progress.time_to_hd_s["0.01"]
     assert fly(**{"duration_s": 15, "thaw.policy": policy})[1].progress.time_to_hd_s["0.01"] < clock / 1.5
 
 
@@ -219,7 +219,7 @@ def test_centralized_does_not_wait_for_a_sample():
 
 
 def test_by_the_clock_nobody_is_wrong_but_how_it_stood_is_known():
-    counters, _, _ = watched(duration_s=20)
+    counters, _, _ = watched(**{"thaw.policy": "timer", "duration_s": 20})
     assert "wrong_thaws" not in counters
     assert counters["thaws_by_clock"] == counters["thaws"] >= counters["thaws_at_one_swarm"] > 0
     early = watched(**{"thaw.h_s": 0.5, "thaw.spread": 1})[0]
