@@ -222,7 +222,7 @@ def test_by_the_clock_nobody_is_wrong_but_how_it_stood_is_known():
     counters, _, _ = watched(**{"thaw.policy": "timer", "duration_s": 20})
     assert "wrong_thaws" not in counters
     assert counters["thaws_by_clock"] == counters["thaws"] >= counters["thaws_at_one_swarm"] > 0
-    early = watched(**{"thaw.h_s": 0.5, "thaw.spread": 1})[0]
+    early = watched(**{"thaw.policy": "timer", "thaw.h_s": 0.5, "thaw.spread": 1})[0]
     assert early["thaws_at_one_swarm"] < early["thaws"] == early["thaws_by_clock"]
 
 
