@@ -261,7 +261,8 @@ def contradictions(config: RunConfig) -> list[str]:
         ]
     if config.thaw.policy in NEED_EPOCHS and not config.epochs:
         return [
-            f"epochs: false is not allowed with thaw.policy: {config.thaw.policy}; true, for late reports"
+            f"epochs: false is not allowed with thaw.policy: {config.thaw.policy}, whose late reports would count; "
+            "true, or thaw.policy: timer"
         ]
     if config.engine == "virtual" and config.time_scale != "auto":
         return [

@@ -34,10 +34,10 @@ class Range(Group):
 class Thaw(Group):
     """When swarms dissolve to localize anew."""
 
-    policy: Literal["timer", "roster", "census", "corner", "centralized", "off"] = choice(
-        "timer",
-        "who says when: a timer in each FLS; the owner of the swarm that all have joined (roster), or in which all "
-        "are R-Complete (census); FLSs far from the centre (corner); the engine that sees one swarm; nobody",
+    policy: Literal["roster", "timer", "census", "corner", "centralized", "off"] = choice(
+        "roster",
+        "who says when: the owner of the swarm that all have joined (roster), or in which all are R-Complete "
+        "(census); a timer in each FLS; FLSs far from the centre (corner); the engine that sees one swarm; nobody",
     )
     h_s: float | None = number(
         None,

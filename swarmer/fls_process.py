@@ -24,12 +24,24 @@ from swarmer.messages import (
     decode,
     encode,
 )
+from swarmer.physics.flight import Flight
 from swarmer.plan import Rules
-from swarmer.protocol.events import Event
+from swarmer.protocol.events import Event, ThawBegins
 from swarmer.protocol.records import Counters
 from swarmer.radio import Grid
 from swarmer.state_machine import State
-from swarmer.telemetry import Clock, Life, Phase, Row, SharedMemory, Slot, Wire
+from swarmer.telemetry import (
+    NOTHING_LEFT,
+    Began,
+    Clock,
+    Life,
+    Phase,
+    Row,
+    SharedMemory,
+    Slot,
+    Thawed,
+    Wire,
+)
 from swarmer.udp_wrapper import UdpWrapper, Wires
 
 FAILED_EXIT = 17  # an FLS that failed as scheduled, without a word (rule 13)
@@ -72,7 +84,8 @@ class Fls(BaseFls):
         self._order = counting()
         self._held: list[tuple[float, int, Message, Stamp]] = []  # arrived, not yet due
         self._outgoing: list[tuple[float, int, Message, Stamp]] = []  # sent, not yet on the air
-        self._shown: tuple[object, ...] = ()
+        self._shown: tuple[State, Swarm, int, Flight] | None = None
+        self._began, self._thawed = Began.ANOTHER, NOTHING_LEFT
         self.exit_status: int | None = None
         self.begin()
 
@@ -179,6 +192,10 @@ class Fls(BaseFls):
     def moved(self) -> None:
         """Whoever looks sees the flight in the slot."""
 
+    def thaw_begins(self, begins: ThawBegins) -> None:
+        """The engine cannot see this moment; it is shown with what came of it."""
+        self._began = Began.KNOWING if begins.known else Began.CLOCK
+
     def end(self, how: str) -> None:
         """Leave to charge; or fail, at once and without a word."""
         if how == DEPARTED:
@@ -190,12 +207,31 @@ class Fls(BaseFls):
         m = self.machine
         shown = (m.state, m.swarm, m.epoch, self.flight)
         if shown != self._shown:
+            if self._shown is not None and m.epoch != self._shown[2]:
+                self._thawed = self._left(*self._shown[:3])
             self._shown = shown
             lit = m.state is not State.DEPLOYING and not m.departed
             swarm = m.swarm if lit else Swarm(0, 0)
             self.slot.publish(
-                Row(m.incarnation, m.epoch, swarm.xi, swarm.incarnation, m.state, lit, m.flying, self.flight)
+                Row(
+                    m.incarnation,
+                    m.epoch,
+                    swarm.xi,
+                    swarm.incarnation,
+                    m.state,
+                    lit,
+                    m.flying,
+                    self.flight,
+                    self._thawed,
+                )
             )
+
+    def _left(self, state: State, swarm: Swarm, epoch: int) -> Thawed:
+        """As what, and how, it left an epoch just now."""
+        began, self._began = self._began, Began.ANOTHER
+        if state is State.DEPLOYING:
+            return NOTHING_LEFT
+        return Thawed(epoch, swarm.xi, swarm.incarnation, began, self.machine.thawed_s)
 
     # -- both ----------------------------------------------------------------------------------------------------
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 PAGE = 4096
 CONTROL = struct.Struct("=IIddd")  # sequence, phase, wall_ref, emulated_ref, scale
-KINEMATICS = struct.Struct("=IIIHBBB3x3d3ddd")  # after the sequence number; see Row
+KINEMATICS = struct.Struct("=IIIHBBB3x3d3dddIIHBxd")  # after the sequence number; see Row, its Thawed last
 SEQUENCE = struct.Struct("=I")
 LIFE_AT = 4  # one byte, written alone
 KINEMATICS_AT = 8
@@ -79,8 +79,29 @@ HANDLED_LATE_AT = TIMER_LATE_AT + 4 * BUCKETS
 SLOT = -(-(HANDLED_LATE_AT + 4 * BUCKETS) // ALIGNED) * ALIGNED
 
 
+class Began(IntEnum):
+    """Who began the thaw that an FLS has obeyed."""
+
+    ANOTHER = 0
+    CLOCK = 1  # this FLS, by its timer
+    KNOWING = 2  # this FLS, whose policy knows of one swarm
+
+
+class Thawed(NamedTuple):
+    """How an FLS left its last epoch: for an engine that does not see the moment."""
+
+    epoch: int  # that ended
+    xi: int  # the swarm it was in until then; 0: it was dark, or has not left any
+    incarnation: int  # of that swarm
+    began: Began
+    at_s: float  # emulated
+
+
+NOTHING_LEFT = Thawed(0, 0, 0, Began.ANOTHER, 0.0)
+
+
 class Row(NamedTuple):
-    """What the sequence lock guards: who this is, and its last flight."""
+    """What the sequence lock guards: who this is, its last flight and its last thaw."""
 
     incarnation: int
     epoch: int
@@ -90,6 +111,7 @@ class Row(NamedTuple):
     lit: bool
     flying: bool
     flight: Flight
+    thawed: Thawed = NOTHING_LEFT
 
 
 class SharedMemory:
@@ -184,7 +206,7 @@ class Slot:
         f = row.flight
         KINEMATICS.pack_into(
             self._map, at + KINEMATICS_AT, row.incarnation, row.epoch, row.xi, row.swarm_incarnation, row.state,
-            row.lit, row.flying, *f.start, *f.displacement, f.begins_s, f.length,
+            row.lit, row.flying, *f.start, *f.displacement, f.begins_s, f.length, *row.thawed,
         )  # fmt: skip
         SEQUENCE.pack_into(self._map, at, (sequence + 2) & 0xFFFFFFFF)
 
@@ -207,6 +229,7 @@ class Sample(NamedTuple):
     state: NDArray[np.int8]
     lit: NDArray[np.bool_]
     life: NDArray[np.int8]
+    thawed: NDArray[np.void]  # (F,), with the names of `Thawed`
     counters: NDArray[np.uint64]  # (COUNTERS,), summed over all FLSs
     timer_late: NDArray[np.int64]  # (BUCKETS,), summed
     handled_late: NDArray[np.int64]
@@ -272,6 +295,7 @@ class Reader:
             state=rows["state"].astype(np.int8),
             lit=rows["lit"] != 0,
             life=rows["life"].astype(np.int8),
+            thawed=rows["thawed"],
             counters=rows["counters"].sum(axis=(0, 1), dtype=np.uint64),
             timer_late=rows["timer_late"].sum(axis=0, dtype=np.int64),
             handled_late=rows["handled_late"].sum(axis=0, dtype=np.int64),
@@ -316,11 +340,15 @@ def _slot_dtype() -> np.dtype[np.void]:
     """The slot as numpy reads it; the same places as `Slot` writes."""
     import numpy as np
 
+    thawed = np.dtype({
+        "names": Thawed._fields, "formats": ["<u4", "<u4", "<u2", "u1", "<f8"], "offsets": [0, 4, 8, 10, 12],
+    })  # fmt: skip
     fields = [
         ("sequence", "<u4", 0), ("life", "u1", LIFE_AT),
         ("incarnation", "<u4", 8), ("epoch", "<u4", 12), ("xi", "<u4", 16), ("swarm_incarnation", "<u2", 20),
         ("state", "u1", 22), ("lit", "u1", 23), ("flying", "u1", 24),
         ("start", ("<f8", 3), 28), ("displacement", ("<f8", 3), 52), ("begins_s", "<f8", 76), ("length", "<f8", 84),
+        ("thawed", thawed, 92),
         ("counters", ("<u8", (2, COUNTERS)), COUNTERS_AT),
         ("timer_late", ("<u4", BUCKETS), TIMER_LATE_AT), ("handled_late", ("<u4", BUCKETS), HANDLED_LATE_AT),
     ]  # fmt: skip

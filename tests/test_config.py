@@ -52,6 +52,7 @@ CONTRACT_NAMES = {
 # What another setting must be for every value of this one to be good.
 BESIDES = {
     "challenge_on_available": {"accept_gap_ms": 20},
+    "epochs": {"thaw.policy": "timer"},
     "virtual.latency_min_ms": {"virtual.latency_max_ms": 60_000},
     "virtual.latency_max_ms": {"virtual.latency_min_ms": 0},
 }
@@ -224,7 +225,7 @@ def test_what_an_error_says(override, line):
         ("m=.inf", "m", "inf"),
         ("thaw.policy=off", "thaw.policy", "off"),
         ("busy_join=off", "busy_join", "off"),
-        ("epochs=off", "epochs", False),
+        ("neighbour_reply=off", "neighbour_reply", False),
         ("eta=null", "eta", None),
         ("shape=1e3", "shape", "1e3"),
         ("shape=a=b: c", "shape", "a=b: c"),
@@ -279,6 +280,7 @@ def test_a_policy_that_counts_reports_needs_epochs(policy):
     assert "\n" not in line
     assert "epochs" in line
     assert policy in line
+    assert "thaw.policy: timer" in line
     assert load_config(thaw={"policy": policy}).epochs
     assert not load_config("paper").epochs
 

@@ -47,7 +47,8 @@ def made(tmp_path_factory):
     path = tmp_path_factory.mktemp("explain") / "run"
     run_command(
         "run", "--engine", "virtual", "--shape", "sphere", "--points", "30", "--duration", "9", "--seed", "7",
-        "--trace", "--set", "radio.loss=0.05", "--set", "failure.rate=0.01", "--no-recording", "--out", path,
+        "--trace", "--set", "radio.loss=0.05", "--set", "failure.rate=0.01", "--set", "thaw.policy=timer",
+        "--no-recording", "--out", path,
     )  # fmt: skip
     return path
 

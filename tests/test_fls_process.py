@@ -1,5 +1,6 @@
 """One FLS's two roles in this process, datagram by datagram."""
 
+import os
 import socket
 
 import pytest
@@ -8,18 +9,18 @@ from swarmer.config import load_config
 from swarmer.fls import MEASURED, NEVER, FlsSpec
 from swarmer.fls_process import Fls, RunSpec
 from swarmer.messages import NO_SWARM, Kind, Message, Stamp, Swarm, To, encode
-from swarmer.plan import make_rules
-from swarmer.protocol.events import Launch
+from swarmer.plan import make_rules, make_velocity
+from swarmer.protocol.events import Due, Launch, Received, Timer
 from swarmer.state_machine import State
-from swarmer.telemetry import Phase, SharedMemory, Wire
+from swarmer.telemetry import NOTHING_LEFT, Began, Phase, Reader, SharedMemory, Thawed, Wire
 from swarmer.udp_wrapper import HOME, Wires
 
 RUN, SIZE = 5, 10
 
 
 @pytest.fixture
-def fls():
-    """FLS 3 of ten, landed and Available, whose sensor takes 60 ms."""
+def dark():
+    """FLS 3 of ten before its launch, whose sensor takes 60 ms."""
     config = load_config(None, **{"sensing.samples": 3, "sensing.sample_ms": 20})
     rules = make_rules(config, SIZE, 3, 100.0, "swarmer.plugins.signal_strength:SignalStrength")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
@@ -30,13 +31,21 @@ def fls():
     spec = FlsSpec(3, 0, point, (1, 2), 20.0, (1, 2), (5.0, 6.0), (0.0, 0.0, 0.0), 1e6, 0)
     shared = SharedMemory(SIZE)
     made = Fls(run, spec, shared)
+    made.shared = shared
     made.clock.set(Phase.GO, 1.0, 0.0)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def fls(dark):
+    """It has landed and is Available."""
+    made, point = dark, dark.spec.truth
     made.feed(Launch(point))  # a flight of no length: it lands where it stands
     assert made.step()
     assert made.machine.state is State.AVAILABLE
     made.due = [NEVER] * len(made.due)
-    yield made
-    made.close()
+    return made
 
 
 def say(
@@ -97,6 +106,28 @@ def test_what_is_not_for_it_is_counted_and_dropped(fls):
     assert counts[Wire.REPLAYED] == 1
     assert fls.step()
     assert not fls.step()
+
+
+def thawed(fls):
+    reader = Reader(SharedMemory(SIZE, os.dup(fls.shared.fd)), make_velocity(fls.rules))
+    return Thawed(*reader.sample().thawed[2].tolist())
+
+
+def test_it_shows_how_it_left_an_epoch(fls):
+    assert thawed(fls) == NOTHING_LEFT
+    at_s = fls.clock.now()
+    fls.feed(Due(Timer.THAW))
+    left = thawed(fls)
+    assert left[:4] == (0, 3, 0, Began.CLOCK)
+    assert at_s <= left.at_s <= fls.clock.now()
+    fls.feed(Received(Message(Kind.THAW, 1, 0, 2, Swarm(1, 0), 1, (0.0, 0.0, 0.0), To.ALL, NO_SWARM)))
+    assert thawed(fls)[:4] == (1, 3, 0, Began.ANOTHER)
+
+
+def test_an_epoch_adopted_in_the_dark_was_not_left(dark):
+    dark.feed(Received(Message(Kind.THAW, 1, 0, 2, Swarm(1, 0), 1, (0.0, 0.0, 0.0), To.ALL, NO_SWARM)))
+    assert dark.machine.epoch == 2
+    assert thawed(dark) == NOTHING_LEFT
 
 
 def test_urgent_messages_go_first(fls):

@@ -37,7 +37,8 @@ def test_within_the_first_imports_of_a_command(program, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "command", [["shapes", "make", "a.xyz"], ["run", "--engine", "virtual"], ["report", "run"]]
+    "command",
+    [["shapes", "make", "a.xyz"], ["run", "--engine", "virtual"], ["report", "run"], ["sweep", "liveness"]],
 )
 def test_within_the_imports_of_a_library(command, tmp_path):
     (tmp_path / "numpy.py").write_text(SLOW)

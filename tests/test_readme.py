@@ -74,6 +74,9 @@ def check(command, place):
     """Run one command of a page, as far as that goes without a screen."""
     if command.startswith("make "):
         subprocess.run(["make", "-n", *command.split()[1:]], cwd=ROOT, check=True, capture_output=True)
+    elif command.startswith("swarmer replay --again"):
+        out, _ = finished(command, place)
+        assert out.startswith("the same run: ")
     elif command.startswith("swarmer replay") and "--web" in command:
         served(command, place)
     elif command.startswith("swarmer replay") and "--terminal" not in command:

@@ -19,6 +19,7 @@ from swarmer.telemetry import (
     PAGE,
     SEQUENCE,
     SLOT,
+    Began,
     Clock,
     Life,
     Phase,
@@ -26,6 +27,7 @@ from swarmer.telemetry import (
     Row,
     SharedMemory,
     Slot,
+    Thawed,
     Wire,
 )
 
@@ -47,7 +49,11 @@ def shared():
 
 def test_a_slot_reads_as_it_was_written(shared):
     slot, reader = Slot(shared, 3), Reader(shared, VELOCITY)
-    slot.publish(Row(2, 7, 11, 1, 4, True, True, Flight((1.0, 2.0, 3.0), (0.0, 0.0, 0.0), 5.0, 0.0, 0.0)))
+    flight, thawed = (
+        Flight((1.0, 2.0, 3.0), (0.0, 0.0, 0.0), 5.0, 0.0, 0.0),
+        Thawed(6, 2**31, 3, Began.CLOCK, 4.5),
+    )
+    slot.publish(Row(2, 7, 11, 1, 4, True, True, flight, thawed))
     slot.live(Life.READY)
     slot.handler_counts[Count.LOCALIZATIONS] += 3
     slot.network_counts[Count.LOCALIZATIONS] += 2
@@ -64,6 +70,7 @@ def test_a_slot_reads_as_it_was_written(shared):
     )
     assert (sample.state[i], bool(sample.lit[i]), sample.life[i]) == (4, True, Life.READY)
     assert sample.position[i].tolist() == [1.0, 2.0, 3.0]
+    assert Thawed(*sample.thawed[i].tolist()) == thawed
     assert not sample.lit[[0, 1, 3, 4, 5, 6, 7]].any(), "each FLS has a slot of its own"
     assert (sample.counters[Count.LOCALIZATIONS], sample.counters[Wire.SENT]) == (5, 1)
     assert sample.counters.sum() == 6
@@ -99,13 +106,14 @@ WRITER = """
 import sys
 from itertools import count
 from swarmer.physics.flight import Flight
-from swarmer.telemetry import Row, SharedMemory, Slot
+from swarmer.telemetry import Row, SharedMemory, Slot, Thawed
 shared = SharedMemory(8, int(sys.argv[1]))
 slots = [Slot(shared, fid) for fid in range(1, 9)]
 print("ready", flush=True)
 for n in count(1):
     f = float(n)
-    row = Row(n, n, n, n % 65536, n % 5, n % 2, n % 2, Flight((f, f, f), (0.0, 0.0, 0.0), f, 0.0, 0.0))
+    flight = Flight((f, f, f), (0.0, 0.0, 0.0), f, 0.0, 0.0)
+    row = Row(n, n, n, n % 65536, n % 5, n % 2, n % 2, flight, Thawed(n, n, n % 65536, 0, f))
     for slot in slots:
         slot.publish(row)
 """
@@ -123,6 +131,8 @@ def test_no_torn_row_is_seen_while_another_process_writes(shared):
             sample = reader.sample()
             n = sample.incarnation
             assert (sample.epoch == n).all()
+            assert (sample.thawed["epoch"] == n).all()
+            assert (sample.thawed["at_s"] == n).all()
             assert (sample.swarm == n).all()
             assert (sample.swarm_incarnation == n % 65536).all()
             assert (sample.state == n % 5).all()

@@ -23,7 +23,7 @@ def run(repeat: int) -> None:
             fls_loop=loop,
             duration_s=STRETCH_S,
             time_scale=SCALE,
-            **{"recording.enabled": False},
+            **{"recording.enabled": False, "thaw.policy": "timer"},
         )
         rows.append(row(loop, runs))
     show(

@@ -14,20 +14,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from swarmer.commands.witnesses import EVERYBODY, make_checks, make_tracer, refuse_witnesses
 from swarmer.errors import BadInput, RunFailed
 from swarmer.interrupts import INTERRUPTED, ends_at_once
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from swarmer.config import RunConfig
-    from swarmer.engines.result import RunResult, Witness
+    from swarmer.engines.result import RunResult
     from swarmer.observe.collector import Collector
-    from swarmer.observe.trace import Tracer
     from swarmer.plan import Plan
 
 ANY_WIDTH = 1000  # where there is no terminal, a line stays one
-EVERYBODY = "all"
 
 
 @click.command("run")
@@ -119,6 +116,7 @@ def run(
     check: the invariants, after every event.
     """
     with ends_at_once():
+        from swarmer.engines.named import make_engine
         from swarmer.observe.collector import Collector
         from swarmer.observe.panel import Panel
         from swarmer.observe.run_directory import TRACE, RunDirectory, check_out
@@ -126,12 +124,10 @@ def run(
 
         if out is not None:
             check_out(out)
-        refuse_trace(config, trace_fids)
-        refuse_checks(config, check)
+        refuse_witnesses(config, trace_fids, check)
         plan = make_plan(config)
         tracer = make_tracer(plan, trace_fids)
-        checks = make_checks(plan) if check else []
-        ready = make_engine(plan, [tracer, *checks] if tracer else checks)
+        ready = make_engine(plan, [*([tracer] if tracer else []), *make_checks(plan, check)])
         if config.recording.enabled or live:
             from swarmer.observe.recording import import_rerun
 
@@ -152,53 +148,6 @@ def run(
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     summary = collector.finish(result)
     return close(summary, directory.path, as_json, collector)
-
-
-def refuse_trace(config: RunConfig, trace_fids: str | None) -> None:
-    """Raises BadInput for a log of a run that has none."""
-    if trace_fids is not None and config.engine != "virtual":
-        raise BadInput.saying(
-            f"trace: the engine {config.engine} keeps no event log; --engine virtual does, and plays the same protocol"
-        )
-
-
-def make_tracer(plan: Plan, trace_fids: str | None) -> Tracer | None:
-    """Who writes the event log, if there is to be one. Raises BadInput for FIDs that the run does not have."""
-    if trace_fids is None:
-        return None
-    from swarmer.observe.trace import Tracer, fids_named
-
-    return Tracer(plan, None if trace_fids == EVERYBODY else fids_named(trace_fids, plan.size))
-
-
-def refuse_checks(config: RunConfig, check: bool) -> None:
-    """Raises BadInput where nobody can see every event."""
-    if check and config.engine != "virtual":
-        raise BadInput.saying(
-            f"check: the engine {config.engine} cannot be checked event by event; --engine virtual can, "
-            "and plays the same protocol"
-        )
-
-
-def make_checks(plan: Plan) -> list[Witness]:
-    """Who checks the invariants of a run."""
-    from swarmer.observe.invariants import Checks
-
-    return [Checks(plan)]
-
-
-def make_engine(plan: Plan, witnesses: Sequence[Witness] = ()) -> Any:
-    """The engine that the settings name. Raises BadInput where this machine cannot take the run.
-
-    witnesses: of a run in virtual time.
-    """
-    if plan.config.engine == "virtual":
-        from swarmer.engines.virtual import VirtualEngine
-
-        return VirtualEngine(plan, witnesses)
-    from swarmer.engines.process import ProcessEngine
-
-    return ProcessEngine(plan)
 
 
 def play(engine: Any, collector: Collector) -> RunResult:

@@ -12,6 +12,7 @@ import click
 
 from swarmer.commands.run import directory_named
 from swarmer.errors import BadInput, RunFailed
+from swarmer.interrupts import ends_at_once
 
 if TYPE_CHECKING:
     from swarmer.experiments.experiment import Experiment
@@ -44,31 +45,33 @@ def command(
     values) and seeds (a count or a list). Each run has a directory of its own; results.csv has a row for each.
     Started again, a sweep makes what is missing and repeats nothing. The last line of stdout is its directory.
     """
-    from swarmer.engines.limits import cores
-    from swarmer.experiments.experiment import read_experiment
-    from swarmer.experiments.runs import check_plans, expand, size
+    with ends_at_once():
+        from swarmer.engines.limits import cores
+        from swarmer.experiments.experiment import read_experiment
+        from swarmer.experiments.runs import check_plans, expand, size
 
-    directory = directory_named(out)
-    experiment = read_experiment(file, overrides, seeds)
-    if size(experiment) > MANY and not yes:
-        raise BadInput.saying(
-            f"{experiment.file}: stands for {size(experiment):,} runs; more than {MANY:,} need --yes"
-        )
-    runs = expand(experiment)
-    if dry_run:
-        for run in runs:
-            click.echo(run.path.as_posix())
-        return
-    check_plans(runs, experiment.file)
+        directory = directory_named(out)
+        experiment = read_experiment(file, overrides, seeds)
+        if size(experiment) > MANY and not yes:
+            raise BadInput.saying(
+                f"{experiment.file}: stands for {size(experiment):,} runs; more than {MANY:,} need --yes"
+            )
+        runs = expand(experiment)
+        if dry_run:
+            for run in runs:
+                click.echo(run.path.as_posix())
+            return
+        check_plans(runs, experiment.file)
     carry_out(experiment, runs, directory or Path("runs") / experiment.name, jobs or cores())
 
 
 def carry_out(experiment: Experiment, runs: list[Run], out: Path, jobs: int) -> None:
     """Make them, print the table, and say what failed. Raises RunFailed, KeyboardInterrupt."""
-    from swarmer.experiments.board import Board
-    from swarmer.experiments.results import RESULTS
-    from swarmer.experiments.sweep import sweep
-    from swarmer.experiments.tables import lines_of, unfaithful
+    with ends_at_once():
+        from swarmer.experiments.board import Board
+        from swarmer.experiments.results import RESULTS
+        from swarmer.experiments.sweep import sweep
+        from swarmer.experiments.tables import lines_of, unfaithful
 
     try:
         with ctrl_c():

@@ -24,7 +24,7 @@ from swarmer.engines.limits import check_limits, children_of, private_mb
 from swarmer.engines.reading import kernel_drops, totals_of
 from swarmer.engines.result import Event, Live, Observer, RunResult, Snapshot
 from swarmer.engines.specs import setup
-from swarmer.engines.thaws import Sight, ThawWatch
+from swarmer.engines.thaws import Sight, ThawsInHindsight, ThawTally, ThawWatch
 from swarmer.errors import BadInput, RunFailed
 from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Kind, Message, Stamp, To, encode
 from swarmer.physics.flight import Velocity
@@ -91,7 +91,8 @@ class _Run:
         self.events: dict[str, int] = {"failed": 0, "departed": 0, "died": 0, "replaced": 0}
         self.stopping = asyncio.Event()
         self._numbers = 0
-        self.thaws = ThawWatch(plan.rules)
+        self.thaws, self.begun = ThawWatch(plan.rules), ThawTally(plan.rules)
+        self.hindsight = ThawsInHindsight(plan.rules, self.begun)
         self._went_wall = 0.0
         self._process: subprocess.Popen[bytes] | None = None
         self._complaints = 0
@@ -345,6 +346,7 @@ class _Run:
     def _counters(self, sample: Sample) -> dict[str, float]:
         return totals_of(sample.counters, self.config.radio.mac) | {
             "thaws": self.thaws.seen,
+            **self.hindsight.counters(),
             "failures": self.events["failed"] + self.events["died"],
             "departures": self.events["departed"],
             "replacements": self.events["replaced"],
@@ -369,10 +371,12 @@ class _Run:
         started = int(sample.counters[Count.THAWS_STARTED])
         sight = Sight(sample.t_s, sample.lit, sample.swarm, sample.epoch, started)
         if order := self.thaws.order(sight):
+            self.begun.ordered(sample.t_s, order)
             self._broadcast(Kind.THAW, order.epoch)
             self.observer.event(Event(sample.t_s, "thaw", 0, order.why))
         elif number := self.thaws.begun(sight):
             self.observer.event(Event(sample.t_s, "thaw", 0, f"thaw {number} began"))
+        self.hindsight.look(sample.lit & (sample.life == Life.READY), sample.epoch, sample.thawed)
 
     # -- results -----------------------------------------------------------------------------------------
 
@@ -381,6 +385,8 @@ class _Run:
             return
         self.result.wall_s = time.monotonic() - self._went_wall
         sample = self.reader.sample()
+        self._watch_thaws(sample)
+        self.result.first_single_swarm_s = self.begun.first_s
         self.result.emulated_s = min(sample.t_s, max(self.config.duration_s, self.result.emulated_s))
         self.result.counters = self._counters(sample)
         self.result.counters["dropped_by_kernel"] = kernel_drops(self.port)

@@ -169,6 +169,7 @@ class RunResult:
     memory_mb_per_fls: float | None = None
     faithful: bool | None = None
     suggested_time_scale: float | None = None
+    first_single_swarm_s: float | None = None  # as far as the engine knows, be it between two samples
     extra: dict[str, Any] = field(
         default_factory=dict
     )  # what only this engine has, by its name in the summary

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from swarmer.messages import Swarm
+from swarmer.protocol.events import ThawBegins
+from swarmer.telemetry import Began
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from swarmer.plan import Rules
-    from swarmer.protocol.events import ThawBegins
 
 
 class Sight(NamedTuple):
@@ -66,6 +69,48 @@ class ThawTally:
         if self._knows:
             counts["wrong_thaws"] = self.wrong
         return counts
+
+
+class ThawsInHindsight:
+    """How thaws began, by what every FLS has written down of its own (`telemetry.Thawed`), where an engine only looks.
+
+    A thaw is counted once all lit FLSs have obeyed it, and not at all if the next one begins before anybody has looked.
+    Without epochs nobody can tell which thaw an FLS has obeyed.
+    """
+
+    def __init__(self, rules: Rules, tally: ThawTally) -> None:
+        """tally: told of what is seen here; the engine's own thaws it is told of by the engine."""
+        self._tally, self._central = tally, rules.thaw_policy == "centralized"
+        self._epochs = rules.epochs
+        self._newest = 0
+
+    def counters(self) -> dict[str, float]:
+        """Those of the tally, if it can know them."""
+        return self._tally.counters() if self._epochs or self._central else {}
+
+    def look(self, lit: NDArray[np.bool_], epoch: NDArray[np.int64], thawed: NDArray[np.void]) -> None:
+        """A sample: one place for each FLS."""
+        if self._central or not self._epochs or not lit.any():
+            return
+        thawed, epoch = thawed[lit], epoch[lit]
+        newest = int(epoch.max())
+        if newest <= self._newest or epoch.min() < newest:
+            return
+        self._newest = newest
+        took_part = thawed[thawed["xi"] > 0]  # the others have lit up since
+        if not len(took_part):
+            return
+        first = took_part[took_part["at_s"].argmin()]
+        swarm = Swarm(int(first["xi"]), int(first["incarnation"]))
+        ended = {"epoch": newest - 1, "xi": swarm.xi, "incarnation": swarm.incarnation}
+        one = all(bool((took_part[name] == value).all()) for name, value in ended.items())
+        self._tally.note(float(first["at_s"]), ThawBegins(swarm, newest - 1, _knew(took_part)), one)
+
+
+def _knew(took_part: NDArray[np.void]) -> bool:
+    """Did the first of those who began it know of one swarm? Not, if whoever began it is gone."""
+    began = took_part[took_part["began"] != Began.ANOTHER]
+    return bool(len(began)) and int(began["began"][began["at_s"].argmin()]) == Began.KNOWING
 
 
 class ThawWatch:

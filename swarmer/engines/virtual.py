@@ -328,11 +328,8 @@ class _Run:
         result.faithful = faithful(*late, self.config.lease_ms)
         if result.wall_s > 0:
             result.time_scale = result.emulated_s / result.wall_s
-        result.extra = {
-            "events": self.trace.events(),
-            "trace_sha256": self.trace.sha256(),
-            "first_thaw_at_one_swarm_s": self.begun.first_s,  # between two samples
-        }
+        result.first_single_swarm_s = self.begun.first_s
+        result.extra = {"events": self.trace.events(), "trace_sha256": self.trace.sha256()}
         for witness in self.witnesses:
             result.extra |= witness.summary()
 

@@ -37,6 +37,7 @@ def perform(config: RunConfig, path: Path) -> Outcome:
 
 
 def _perform(config: RunConfig, path: Path) -> Outcome:
+    from swarmer.engines.named import make_engine
     from swarmer.observe.collector import Collector
     from swarmer.plan import make_plan
 
@@ -49,17 +50,6 @@ def _perform(config: RunConfig, path: Path) -> Outcome:
     status = str(summary.get("status"))
     full = collector.failure is not None and _disk_full(collector.failure)
     return Outcome(status, summary.get("message") or "", summary, full)
-
-
-def make_engine(plan: Any) -> Any:
-    """The engine that the settings name. Raises BadInput where this machine cannot take the run."""
-    if plan.config.engine == "virtual":
-        from swarmer.engines.virtual import VirtualEngine
-
-        return VirtualEngine(plan)
-    from swarmer.engines.process import ProcessEngine
-
-    return ProcessEngine(plan)
 
 
 def _make_way(path: Path) -> None:

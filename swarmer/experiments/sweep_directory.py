@@ -7,7 +7,6 @@ directory for each seed.
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any, Self
 
@@ -19,8 +18,7 @@ from swarmer.experiments.experiment import FACTS, Experiment
 from swarmer.experiments.results import RESULTS
 from swarmer.experiments.runs import Run
 from swarmer.observe.files import TEMPORARY, write_text
-from swarmer.observe.run_directory import MANIFEST, SUMMARY
-from swarmer.observe.run_directory import _lock as lock_directory
+from swarmer.observe.run_directory import MANIFEST, SUMMARY, hold, let_go
 from swarmer.settings import as_yaml
 from swarmer.yaml_file import parse
 
@@ -51,16 +49,15 @@ class SweepDirectory:
             allowed = f"it holds other files ({min(names)}); choose a new or empty directory"
             raise BadInput("out", str(path), allowed)
         try:
-            self._lock = lock_directory(path)
+            self._lock = hold(path)
         except BadInput:
             allowed = "another sweep is writing there; choose another directory"
             raise BadInput("out", str(path), allowed) from None
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
+        let_go(self._lock)
+        self._lock = None
 
     def write(self, experiment: Experiment) -> None:
         """Write the experiment down, for whoever reads the table and for the next start. Raises RunFailed."""

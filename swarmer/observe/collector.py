@@ -93,15 +93,8 @@ class Collector:
         assert self._progress is not None
         single = self._progress.swarms.single
         if single and not self._was_single:
-            count = self._progress.single_swarm_count
-            self.event(
-                Event(
-                    t_s,
-                    "single_swarm",
-                    0,
-                    f"all FLSs are one swarm ({count}), HD {self._progress.hd:.3g} cells",
-                )
-            )
+            text = f"all FLSs are one swarm, HD {self._progress.hd:.3g} cells"
+            self.event(Event(t_s, "single_swarm", 0, text))
         self._was_single = single
 
     def event(self, event: Event) -> None:

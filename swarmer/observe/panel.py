@@ -124,7 +124,7 @@ class Panel:
         view.lit = int(snapshot.lit.sum())
         view.states = tuple(progress.states.tolist())
         view.swarms, view.largest_swarm = progress.swarms.number, progress.swarms.largest
-        view.single_swarms = progress.single_swarm_count
+        view.single_swarms = progress.single_swarms(snapshot.counters)
         view.thaws = snapshot.counters.get("thaws")
         view.hd, view.hd_min, view.live = progress.hd, progress.hd_min, snapshot.live
         if progress.hd_counts:

@@ -10,6 +10,7 @@ HD is that of the lit FLSs and their points (specification, section 1). Which HD
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -85,6 +86,10 @@ class Progress:
             self.single_swarm_count += 1
             if self.first_single_swarm_s is None:
                 self.first_single_swarm_s = snapshot.t_s
+
+    def single_swarms(self, counters: Mapping[str, float]) -> int:
+        """How often all were one swarm: samples miss what a thaw ends at once, which the engine's counters may have."""
+        return max(self.single_swarm_count, round(counters.get("thaws_at_one_swarm", 0)))
 
     def hd_absolute(self) -> float | None:
         """HD of the last sample without any translation; None where that has no HD."""

@@ -53,7 +53,7 @@ class RunDirectory:
 
     def __init__(self, path: Path, shape: str, seed: int, command: Sequence[str]) -> None:
         self.path = path
-        self._lock = _lock(path)
+        self._lock = hold(path)
         self._manifest: dict[str, Any] = _manifest(shape, seed, command)
         self._streams: list[Stream] = []
         try:
@@ -128,7 +128,7 @@ class RunDirectory:
             raise failures[0]
 
     def _release(self) -> None:
-        _unlock(self._lock)
+        let_go(self._lock)
         self._lock = None
 
     def _end_manifest(self, status: str) -> None:
@@ -192,7 +192,7 @@ def check_out(out: Path) -> list[Path]:
             "out", str(out), f"it holds other files ({strange[0]}); choose a new or empty directory"
         )
     if names:
-        _unlock(_lock(out))
+        let_go(hold(out))
     return [out / name for name in names]
 
 
@@ -210,25 +210,29 @@ def _take(out: Path) -> None:
         if getattr(error, "errno", None) in DISK_FULL:
             raise RunFailed(f"cannot make {out}: {error.strerror}") from None  # type: ignore[union-attr]
         raise _no_directory(out, error) from None
-    lock = _lock(out)
+    lock = hold(out)
     try:
         with disk_errors(out):
             for path in remains:
                 shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
     finally:
-        _unlock(lock)
+        let_go(lock)
 
 
-def _unlock(lock: int | None) -> None:
+def let_go(lock: int | None) -> None:
+    """Let another write there."""
     if lock is not None:
         os.close(lock)
 
 
-def _lock(path: Path) -> int | None:
-    """Hold the directory while the run lives. Raises BadInput if another run does."""
+def hold(path: Path) -> int | None:
+    """Hold a directory as its one writer until `let_go`, or the end of this process. Raises BadInput if another does.
+
+    None where nothing can be held: not a Unix, or a file system without locks.
+    """
     try:
         import fcntl
-    except ImportError:  # not a Unix
+    except ImportError:
         return None
     with disk_errors(path):
         fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
@@ -237,7 +241,7 @@ def _lock(path: Path) -> int | None:
     except BlockingIOError:
         os.close(fd)
         raise BadInput("out", str(path), "another run is writing there; choose another directory") from None
-    except OSError:  # a file system without locks
+    except OSError:
         os.close(fd)
         return None
     return fd

@@ -63,7 +63,7 @@ def make_summary(progress: Progress, result: RunResult, shape: str, points: int,
         "time_to_hd_s": dict(progress.time_to_hd_s),
         "all_lit_s": progress.all_lit_s,
         "first_single_swarm_s": _first_single_swarm(progress, result),
-        "single_swarm_count": max(progress.single_swarm_count, round(counters.get("thaws_at_one_swarm", 0))),
+        "single_swarm_count": progress.single_swarms(counters),
         "swarms_last": progress.swarms.number,
         "lit_share": progress.lit_share,
         "thaws": _whole(counters.get("thaws")),
@@ -84,7 +84,7 @@ def make_summary(progress: Progress, result: RunResult, shape: str, points: int,
 
 def _first_single_swarm(progress: Progress, result: RunResult) -> float | None:
     """A sample sees few of the moments of one swarm if a thaw ends each at once; an engine may know better."""
-    known = (progress.first_single_swarm_s, result.extra.get("first_thaw_at_one_swarm_s"))
+    known = (progress.first_single_swarm_s, result.first_single_swarm_s)
     return min((t_s for t_s in known if t_s is not None), default=None)
 
 

@@ -138,11 +138,11 @@ class Tracer(Witness):
         idle, self._ignored = counts[IGNORED] > self._ignored, counts[IGNORED]
         stale, self._stale = counts[STALE] > self._stale, counts[STALE]
         if not self._keeps(fid):
-            self._door = None
+            self._settle()
             return
         if cause is None:
             self._settle()
-        elif not self._enters(event, actions, cause):
+        elif not self._enters(fid, event, actions, cause):
             return
         name, judged = self._cause_of(fid, event, cause), self._judged(fls)
         told = event_name(event)
@@ -226,10 +226,10 @@ class Tracer(Witness):
         )
         return True
 
-    def _enters(self, event: Event, actions: Sequence[Action], cause: Stamp) -> bool:
+    def _enters(self, fid: int, event: Event, actions: Sequence[Action], cause: Stamp) -> bool:
         """A datagram has come to the machine: is there more to say than that it was heard?"""
         door, self._door = self._door, None
-        if door is not None and door[2] is not cause:
+        if door is not None and (door[0] != fid or door[2] is not cause):
             self._note_heard(*door)
         return bool(actions) or not event.noted  # type: ignore[union-attr]
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import runpy
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from virtual_runs import Watcher, fly
@@ -64,7 +66,7 @@ def test_without_failures_every_thaw_of_a_policy_comes_at_one_swarm(policy, loss
 
 @pytest.mark.parametrize("policy", POLICIES)
 def test_a_policy_that_knows_is_faster_than_the_clock(policy):
-    clock = fly(duration_s=15)[1].progress.time_to_hd_s["0.01"]
+    clock = fly(**{"duration_s": 15, "thaw.policy": "timer"})[1].progress.time_to_hd_s["0.01"]
     assert fly(**{"duration_s": 15, "thaw.policy": policy})[1].progress.time_to_hd_s["0.01"] < clock / 1.5
 
 
@@ -219,10 +221,10 @@ def test_centralized_does_not_wait_for_a_sample():
 
 
 def test_by_the_clock_nobody_is_wrong_but_how_it_stood_is_known():
-    counters, _, _ = watched(duration_s=20)
+    counters, _, _ = watched(**{"thaw.policy": "timer", "duration_s": 20})
     assert "wrong_thaws" not in counters
     assert counters["thaws_by_clock"] == counters["thaws"] >= counters["thaws_at_one_swarm"] > 0
-    early = watched(**{"thaw.h_s": 0.5, "thaw.spread": 1})[0]
+    early = watched(**{"thaw.policy": "timer", "thaw.h_s": 0.5, "thaw.spread": 1})[0]
     assert early["thaws_at_one_swarm"] < early["thaws"] == early["thaws_by_clock"]
 
 
@@ -236,3 +238,19 @@ def test_corners_are_farthest_from_the_centroid(shape, points, expected):
     assert len(found) == len(set(found)) == expected
     others = [row for row in range(len(cloud)) if row + 1 not in found]
     assert all(far[fid - 1] >= far[row] for fid in found for row in others)
+
+
+def test_the_policy_of_the_page_on_extending_thaws_at_half(monkeypatch):
+    """docs/extending.md shows this file."""
+    place = Path(__file__).resolve().parents[2] / "examples" / "half" / "half.py"
+    half = runpy.run_path(str(place))["Half"]
+    monkeypatch.setattr(
+        "swarmer.plan.make_thaw_policy",
+        lambda rules, fid: half(rules.count, rules.thaw_h_s, rules.thaw_spread),
+    )
+    counters, notary, watcher = watched(duration_s=8)
+    assert counters["thaws"] >= 5
+    assert counters["thaws_by_clock"] == 0
+    assert counters["wrong_thaws"] > counters["thaws"] / 2, "half is not all"
+    assert all(begins.known for _, _, begins in notary.begins)
+    assert watcher.progress.hd < 10

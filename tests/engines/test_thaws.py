@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from swarmer.config import load_config
-from swarmer.engines.thaws import Order, Sight, ThawTally, ThawWatch
+from swarmer.engines.thaws import Order, Sight, ThawsInHindsight, ThawTally, ThawWatch
 from swarmer.messages import Swarm
 from swarmer.plan import make_plan
 from swarmer.protocol.events import ThawBegins
+from swarmer.telemetry import NOTHING_LEFT, Began, Thawed
 
 
 def rules(**settings):
@@ -77,7 +78,7 @@ def test_a_thaw_counts_once_and_by_how_it_stood_when_it_began():
 
 
 def test_without_epochs_every_thaw_counts():
-    tally = ThawTally(rules(epochs=False))
+    tally = ThawTally(rules(**{"thaw.policy": "timer", "epochs": False}))
     for _ in range(3):
         tally.note(2.5, begins(0, known=False), single=False)
     assert tally.counters() == {"thaws_at_one_swarm": 0, "thaws_by_clock": 3}
@@ -90,3 +91,68 @@ def test_the_engines_own_thaws_are_by_what_it_sees_or_overdue():
     tally.ordered(1.5, Order(2, single=False))
     assert tally.counters() == {"thaws_at_one_swarm": 1, "thaws_by_clock": 1, "wrong_thaws": 0}
     assert tally.first_s == 1.5
+
+
+HEARD, CLOCK, KNOWING = Began
+
+
+def left(xi, epoch=0, began=HEARD, at_s=2.0, incarnation=0):
+    return Thawed(epoch, xi, incarnation, began, at_s)
+
+
+def hindsight(*looks, **settings):
+    """The tally after looks at (epoch, what was left) of each FLS; None: it is dark."""
+    plays = rules(**settings)
+    tally = ThawTally(plays)
+    seen = ThawsInHindsight(plays, tally)
+    fields = list(zip(Thawed._fields, ("<u4", "<u4", "<u2", "u1", "<f8"), strict=True))
+    for flss in looks:
+        lit = np.array([fls is not None for fls in flss])
+        epoch = np.array([fls[0] if fls else 0 for fls in flss])
+        thawed = np.array([tuple(fls[1]) if fls else tuple(NOTHING_LEFT) for fls in flss], fields)
+        seen.look(lit, epoch, thawed)
+    return tally, seen.counters()
+
+
+def test_a_thaw_is_understood_once_all_have_obeyed_it():
+    owner, member, before = left(1, began=KNOWING, at_s=2.5), left(1, at_s=2.6), NOTHING_LEFT
+    tally, counters = hindsight([(0, before), (0, before)], [(1, owner), (0, before)])
+    assert counters == {"thaws_at_one_swarm": 0, "thaws_by_clock": 0, "wrong_thaws": 0}
+    whole = [(1, member), (1, owner)]
+    tally, counters = hindsight([(1, owner), (0, before)], whole, whole)
+    assert counters == {"thaws_at_one_swarm": 1, "thaws_by_clock": 0, "wrong_thaws": 0}
+    assert tally.first_s == 2.5
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        left(2),
+        left(1, incarnation=1),
+        left(1, epoch=-1 % 2**32),  # it has missed the thaw before
+    ],
+)
+def test_it_was_not_at_one_swarm_if_anybody_was_in_another(other):
+    tally, counters = hindsight([(1, left(1, began=KNOWING)), (1, other)])
+    assert counters == {"thaws_at_one_swarm": 0, "thaws_by_clock": 0, "wrong_thaws": 1}
+    assert tally.first_s is None
+
+
+def test_who_was_dark_takes_no_part():
+    _, counters = hindsight([(1, left(1, began=KNOWING)), (1, left(1)), (1, NOTHING_LEFT), None])
+    assert counters["thaws_at_one_swarm"] == 1
+    _, counters = hindsight([(1, NOTHING_LEFT), None], [None, None])
+    assert counters == {"thaws_at_one_swarm": 0, "thaws_by_clock": 0, "wrong_thaws": 0}
+
+
+def test_the_first_to_begin_says_why():
+    knew, clock = left(1, began=KNOWING, at_s=2.0), left(1, began=CLOCK, at_s=2.1)
+    assert hindsight([(1, clock), (1, knew)])[1]["thaws_by_clock"] == 0
+    assert hindsight([(1, clock._replace(at_s=1.9)), (1, knew)])[1]["thaws_by_clock"] == 1
+    assert hindsight([(1, left(1)), (1, left(1))])[1]["thaws_by_clock"] == 1, "whoever began it is gone"
+
+
+def test_what_the_engine_begins_is_not_counted_again():
+    whole = [(1, left(1)), (1, left(1))]
+    assert hindsight(whole, **{"thaw.policy": "centralized"})[1]["thaws_at_one_swarm"] == 0
+    assert hindsight(whole, **{"thaw.policy": "timer", "epochs": False})[1] == {}

@@ -19,6 +19,7 @@ from swarmer.plan import make_plan
 
 ROUGH = {
     "shape": "sphere", "points": 30, "duration_s": 9, "radio.loss": 0.1, "radio.duplicate": 0.1, "failure.rate": 0.02,
+    "thaw.policy": "timer",
 }  # fmt: skip
 UNWATCHED = SimpleNamespace(
     planned=lambda plan: None, launching=lambda ready, total: None, go=lambda launch_s: None,
@@ -122,11 +123,15 @@ def test_what_waited_in_flight_is_judged_at_a_landing(rough):
     assert len({fid for fid, _ in waits - judged} - died) <= 5, "only what still waits at the end"
 
 
-def test_a_log_of_some_holds_what_the_whole_one_says_of_them(rough, tmp_path):
+@pytest.mark.parametrize("policy", ["timer", "roster"])
+def test_a_log_of_some_holds_what_the_whole_one_says_of_them(tmp_path, policy):
+    """Also where another FLS takes something up between the queue and the handler."""
     chosen = frozenset((3, 17, 30))
-    _, records = traced(tmp_path, chosen)
+    (tmp_path / "all").mkdir()
+    _, everybody = traced(tmp_path / "all", **{"thaw.policy": policy})
+    _, records = traced(tmp_path, chosen, **{"thaw.policy": policy})
     assert records[0]["fids"] == [3, 17, 30]
-    assert records[1:] == [r for r in rough[1][1:] if r.get("fid") in chosen or r["is"] == "end"]
+    assert records[1:] == [r for r in everybody[1:] if r.get("fid") in chosen or r["is"] == "end"]
 
 
 def test_tracing_changes_nothing(rough):

@@ -66,6 +66,7 @@ class Story:
     ) -> None:
         settings = {
             "engine": "virtual", "shape": "dragon", "points": 30, "seed": 1, "thaw.h_s": 3.0, "duration_s": 10.0,
+            **({"thaw.policy": "timer"} if preset is None else {}),
         } | settings  # fmt: skip
         self.plan = make_plan(load_config(preset, [], **settings))
         self.checks, self.log = Checks(self.plan, faults), Log()
