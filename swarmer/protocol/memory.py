@@ -211,7 +211,7 @@ class Memory:
 
     def tell(self, message: Message, kind: int, flags: int = 0, other: Swarm = NO_SWARM) -> None:
         """Answer the sender of `message`, about the same challenge."""
-        self.say(kind, TO_FLS, Swarm(message.sender, 0), flags, message.challenge, other)
+        self.say(kind, TO_FLS, _new(Swarm, (message.sender, 0)), flags, message.challenge, other)
 
     def tell_swarm(self, kind: int, swarm: Swarm | None = None, flags: int = 0) -> None:
         self.say(kind, TO_SWARM, self.swarm if swarm is None else swarm, flags)
