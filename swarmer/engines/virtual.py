@@ -161,7 +161,7 @@ class _Run:
     def _live(self) -> None:
         """Take what is next, until told to stop. There is always a sample to come, so the agenda is never empty."""
         agenda, trace = self.agenda, self.trace
-        heap, values, full = agenda.heap, trace.values, trace.BATCH
+        heap, values = agenda.heap, trace.values
         while not self.stopping:
             at, _, what, fls, one, two = heappop(heap)
             agenda.now = at
@@ -180,16 +180,20 @@ class _Run:
                     fls.fall_due(what)
                     if what == LANDING:
                         values += (*fls.position(), 0)
-                        self.trace.places += 1
+                        trace.places += 1
             elif what == SLOT:
-                agenda.next_slot()
-                if len(values) >= full:
-                    trace.hash_values()
-                    self._beat()
+                self._next_slot()
             elif what == SAMPLE:
                 self._look()
             elif fls.alive:
                 self._go_on(what, fls, one, two)
+
+    def _next_slot(self) -> None:
+        """On to the next part of a second, with what came in this one hashed if that is much."""
+        self.agenda.next_slot()
+        if len(self.trace.values) >= self.trace.BATCH:
+            self.trace.hash_values()
+            self._beat()
 
     def _beat(self) -> None:
         """Between two samples may pass long: let the observer show that the run lives."""

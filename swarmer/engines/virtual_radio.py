@@ -148,9 +148,7 @@ class Air:
             others = [fls for fls in self.flss if fls is not None and fls is not sender]
             self._send_to(others, message, stamp, latency)
 
-    def _send_to(
-        self, receivers: list[VirtualFls], message: Message, stamp: Stamp, latency: Random
-    ) -> None:
+    def _send_to(self, receivers: list[VirtualFls], message: Message, stamp: Stamp, latency: Random) -> None:
         """One entry for all, latest first: the loop takes them off the end, each at its own moment."""
         count, first, span = len(receivers), self.agenda.now + self._lowest, self._span
         if count > MANY:
