@@ -38,7 +38,7 @@ from swarmer.protocol.events import (
     Timer,
 )
 from swarmer.protocol.records import Counters
-from swarmer.radio import DELIVERED_NOW, Ears, EndRules, ReplayWindow, fate, heard
+from swarmer.radio import Ears, EndRules, ReplayWindow, fate, heard
 from swarmer.state_machine import Identity
 from swarmer.streams import stream
 from swarmer.telemetry import Wire
@@ -279,7 +279,7 @@ class BaseFls(ABC):
         while self.notes:
             message, stamp = self.notes.popleft()
             if not self._outlived(message, stamp):
-                self.take_note(message, stamp)
+                self.take_message(message, stamp, self.now(), noted=True)
         queues = self.queues
         if queues[0]:
             self._take_up(queues[0], now)
@@ -300,7 +300,7 @@ class BaseFls(ABC):
         since, message, stamp = queue.popleft()
         if not self._outlived(message, stamp):
             self.taken_up(now - since)
-            self.take_message(message, stamp)
+            self.take_message(message, stamp, self.now())
 
     def _outlived(self, message: Message, stamp: Stamp) -> bool:
         """While it waited a successor of its sender was heard, in a queue that goes first: too late (rule 12)."""
@@ -310,14 +310,13 @@ class BaseFls(ABC):
             self.tell_fate(message, stamp, "replayed")
         return outlived
 
-    def take_message(self, message: Message, stamp: Stamp) -> None:
-        """Handle a message that the network role queued."""
+    def take_message(self, message: Message, stamp: Stamp, now: float, noted: bool = False) -> None:
+        """Handle a message that the network role queued. noted: only the sender's Swarm-ID is of interest."""
         self._heard_from = stamp.origin
-        self.feed(Received(message), stamp)
-
-    def take_note(self, message: Message, stamp: Stamp) -> None:
-        """Note the sender's Swarm-ID."""
-        self.feed(Received(message, noted=True), stamp)
+        actions = self.machine.receive(message, now, noted)
+        if self.witness is not None:
+            self.witness.handled(self, Received(message, noted), actions, stamp, now)  # type: ignore[arg-type]
+        self.perform(actions, now)
 
     def take_due(self, what: int) -> None:
         """Take up a timer, a landing, or what else this FLS waited for."""
@@ -338,20 +337,24 @@ class BaseFls(ABC):
         else:
             self.end(FAILED)
 
-    def feed(self, event: Event, cause: Stamp | None = None) -> None:
-        """One event to the machine, and what it wants done. cause: the stamp of an event that is a datagram."""
-        machine, now = self.machine, self.now()
-        actions = machine.handle(event, now)
+    def feed(self, event: Event) -> None:
+        """One event to the machine, and what it wants done."""
+        now = self.now()
+        actions = self.machine.handle(event, now)
         if self.witness is not None:
-            self.witness.handled(self, event, actions, cause, now)  # type: ignore[arg-type]
-        if machine.swarm is not self.ears.swarm:
+            self.witness.handled(self, event, actions, None, now)  # type: ignore[arg-type]
+        self.perform(actions, now)
+
+    def perform(self, actions: list[Action], now: float) -> None:
+        """What the machine wants done, in this order."""
+        if self.machine.swarm is not self.ears.swarm:
             self._retune()
         for action in actions:
             kind = type(action)
-            if kind is Send:
-                self.send(action.message, self.handler_counts)  # type: ignore[union-attr]
-            elif kind is Arm:
+            if kind is Arm:
                 self.wait(action.timer, action.at_s)  # type: ignore[union-attr]
+            elif kind is Send:
+                self.send(action.message, self.handler_counts)  # type: ignore[union-attr]
             elif kind is Disarm:
                 self.due[action.timer] = NEVER  # type: ignore[union-attr]
             else:
@@ -414,8 +417,18 @@ class BaseFls(ABC):
     def send(self, message: Message, counts: Counters) -> None:
         """Stamp and send; `counts`: those of the thread that sends."""
         counts[_SENT] += 1
-        rng = self._sender_rng
-        copies = DELIVERED_NOW if rng is None else fate(self._sender_rules, rng)
+        if self._sender_rng is not None:
+            self._send_by_chance(message, counts, self._sender_rng)
+            return
+        now = self.now()
+        stamp = self.stamp(message, now)
+        if self.witness is not None:
+            self.witness.sent(self, message, stamp, 1, now)  # type: ignore[arg-type]
+        self.transmit(message, stamp, counts)
+
+    def _send_by_chance(self, message: Message, counts: Counters, rng: Random) -> None:
+        """What this FLS's own end of the radio does to it."""
+        copies = fate(self._sender_rules, rng)
         now = self.now()
         stamp = self.stamp(message, now + copies[0] if copies else now)
         if self.witness is not None:

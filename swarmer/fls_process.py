@@ -26,7 +26,7 @@ from swarmer.messages import (
 )
 from swarmer.physics.flight import Flight
 from swarmer.plan import Rules
-from swarmer.protocol.events import Event, ThawBegins
+from swarmer.protocol.events import Action, ThawBegins
 from swarmer.protocol.records import Counters
 from swarmer.radio import Grid
 from swarmer.state_machine import State
@@ -181,9 +181,9 @@ class Fls(BaseFls):
     def timer_taken_up(self, late_s: float) -> None:
         self.slot.timer_late(late_s * 1e3)
 
-    def feed(self, event: Event, cause: Stamp | None = None) -> None:
-        """One event to the machine, what it wants done, and show what came of it."""
-        super().feed(event, cause)
+    def perform(self, actions: list[Action], now: float) -> None:
+        """What the machine wants done, and show what came of it."""
+        super().perform(actions, now)
         self._publish()
 
     def tuned(self, old: Swarm) -> None:

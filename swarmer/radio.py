@@ -110,7 +110,6 @@ class EndRules(NamedTuple):
         return self.delay_s + self.jitter_s + (self.reorder_s if self.reorder else 0.0)
 
 
-DELIVERED_NOW: tuple[float, ...] = (0.0,)
 LOST: tuple[float, ...] = ()
 
 

@@ -6,7 +6,7 @@ virtual time.
 
 TABLE is the protocol: for each state, which event it has a rule for and which states that rule may lead to. What is not
 listed is ignored and counted, for a late datagram is normal; an event that only our own engine can send raises instead.
-Three things come before the table, in `_receive`: epochs (rule 12), beliefs (rule 9), and flights, during which swarm
+Three things come before the table, in `receive`: epochs (rule 12), beliefs (rule 9), and flights, during which swarm
 messages wait for the landing and pairings are refused.
 """
 
@@ -198,21 +198,21 @@ _LAUNCH, _LANDED, _MEASURED, _BATTERY_LOW = map(
 
 
 class StateMachine(Memory):
-    """One FLS. `handle` is its only way in; everything else is for reading."""
+    """One FLS. `handle` is the only way in, and `receive` for datagrams; everything else is for reading."""
 
     def handle(self, event: Event, now: float) -> list[Action]:
         """Take one event at emulated second `now`; what the engine must do, in this order.
 
         Raises ProtocolBug for an event that the present state cannot get from a right engine.
         """
+        if type(event) is Received:
+            return self.receive(event.message, now, event.noted)
         self.now = now
         actions: list[Action] = []
         self.actions = actions
         if self.departed:
             return actions
-        if type(event) is Received:
-            self._receive(event)
-        elif type(event) is Due:
+        if type(event) is Due:
             timer = event.timer
             self._armed &= ~(1 << timer)
             self._apply(_TIMERS + timer, None)
@@ -229,15 +229,18 @@ class StateMachine(Memory):
                 self._apply(_BATTERY_LOW, None)
         return actions
 
-    def _receive(self, event: Received) -> None:
-        message = event.message
-        if message.sender == self.fid:
-            return
-        if self.settings.epochs and message.epoch != self.epoch and not meet_epoch(self, message):
-            return
+    def receive(self, message: Message, now: float, noted: bool = False) -> list[Action]:
+        """`handle` the event Received, which nobody need make for it: most events are datagrams."""
+        self.now = now
+        actions: list[Action] = []
+        self.actions = actions
+        if self.departed or message.sender == self.fid:
+            return actions
+        if message.epoch != self.epoch and self.settings.epochs and not meet_epoch(self, message):
+            return actions
         self.beliefs.note(message)
         kind = message.kind
-        if event.noted or kind == NEIGHBOUR:
+        if noted or kind == NEIGHBOUR:
             self.counts[HANDLED] += 1
         elif self.flying and kind in _NOT_IN_FLIGHT:
             self._receive_in_flight(message)
@@ -245,6 +248,7 @@ class StateMachine(Memory):
             self.counts[IGNORED] += 1
         else:
             self._apply(kind, message)
+        return actions
 
     def _receive_in_flight(self, message: Message) -> None:
         if message.kind in SWARM_KINDS and self.awake and len(self.pending) < PENDING_MAX:

@@ -134,8 +134,8 @@ def test_urgent_messages_go_first(fls):
     say(fls, Kind.CHALLENGE_INIT, 1, 1, to=To.ALL, addressee=NO_SWARM, challenge=9, range=50.0)
     say(fls, Kind.SET_WAITING, 1, 2, to=To.SWARM)
     handled = []
-    take = fls.machine.handle
-    fls.machine.handle = lambda event, now: handled.append(Kind(event.message.kind)) or take(event, now)
+    take = fls.machine.receive
+    fls.machine.receive = lambda message, *more: handled.append(Kind(message.kind)) or take(message, *more)
     while fls.step():
         pass
     assert handled == [Kind.SET_WAITING, Kind.CHALLENGE_INIT]
@@ -146,8 +146,8 @@ def test_who_was_replaced_while_its_message_waited_is_not_handled(fls):
     say(fls, Kind.CHALLENGE_INIT, 1, 1, to=To.ALL, addressee=NO_SWARM, challenge=9, range=50.0)
     say(fls, Kind.SET_WAITING, 1, 1, to=To.SWARM, incarnation=1)
     handled = []
-    take = fls.machine.handle
-    fls.machine.handle = lambda event, now: handled.append(event.message.incarnation) or take(event, now)
+    take = fls.machine.receive
+    fls.machine.receive = lambda message, *more: handled.append(message.incarnation) or take(message, *more)
     while fls.step():
         pass
     assert handled == [1]

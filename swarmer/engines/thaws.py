@@ -119,17 +119,17 @@ class ThawWatch:
     def __init__(self, rules: Rules) -> None:
         self.seen = 0
         self._rules = rules
-        self._central = rules.thaw_policy == "centralized"
+        self.central = rules.thaw_policy == "centralized"  # thaws are the engine's to begin
         self._epoch = 0
         self._last_s = 0.0
 
     def stop(self) -> None:
         """Begin none any more."""
-        self._central = False
+        self.central = False
 
     def order(self, sight: Sight) -> Order | None:
         """Policy `centralized`: at one swarm, or H seconds after the last thaw."""
-        if not self._central or not bool(sight.lit.all()):
+        if not self.central or not bool(sight.lit.all()):
             return None
         rules = self._rules
         single = bool((sight.swarm == sight.swarm[0]).all())
@@ -147,7 +147,7 @@ class ThawWatch:
 
     def begun(self, sight: Sight) -> int | None:
         """The number of the newest thaw that FLSs began, if that is news."""
-        if self._central:
+        if self.central:
             return None
         thaws = int(sight.epoch.max()) if self._rules.epochs else sight.started
         if thaws <= self.seen:

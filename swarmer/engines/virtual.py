@@ -31,7 +31,7 @@ from swarmer.engines.virtual_time import DATAGRAM, FREE, GROUP, HELD, SAMPLE, SL
 from swarmer.engines.witnesses import witness_of
 from swarmer.errors import RunFailed
 from swarmer.faults import NO_FAULTS, Schedule
-from swarmer.fls import LANDING
+from swarmer.fls import LANDING, NEVER
 from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Kind, Message, Stamp, To
 from swarmer.metrics.lateness import BUCKETS, percentiles
 from swarmer.protocol.events import Count, ThawBegins
@@ -96,7 +96,7 @@ class _Run:
         self.result = RunResult(VirtualEngine.name, "done", 0.0, 0.0)
         self._latency_rng = stream(plan.config.seed, "latency")  # of what the engine says
         self._numbers = counting(1)
-        self._samples = 0
+        self._samples = self._obeyed = 0
         self._went_wall = self._told_wall = 0.0
 
     # -- the life of a run ---------------------------------------------------------------------------------------
@@ -161,32 +161,39 @@ class _Run:
     def _live(self) -> None:
         """Take what is next, until told to stop. There is always a sample to come, so the agenda is never empty."""
         agenda, trace = self.agenda, self.trace
-        heap, values, full = agenda.heap, trace.values, trace.BATCH
+        heap, values = agenda.heap, trace.values
         while not self.stopping:
             at, _, what, fls, one, two = heappop(heap)
             agenda.now = at
             if what == GROUP:
-                self._deliver(one, *two)
+                self._deliver(one, two)
             elif what == DATAGRAM:
                 if fls.alive:
                     values += (at, fls.fid, one.kind, one.sender)
-                    fls.hear(one, two)
+                    if fls.tuned_at == NEVER:
+                        fls.hear(one, two)
+                    else:
+                        fls.take(one, two)  # it is for this FLS alone, whatever its swarm
             elif what < DATAGRAM:
                 if fls.look(what, at):  # else it was disarmed, armed anew, or its FLS is gone
                     values += (at, fls.fid, -1 - what, 0)
                     fls.fall_due(what)
                     if what == LANDING:
                         values += (*fls.position(), 0)
-                        self.trace.places += 1
+                        trace.places += 1
             elif what == SLOT:
-                agenda.next_slot()
+                self._next_slot()
             elif what == SAMPLE:
                 self._look()
             elif fls.alive:
                 self._go_on(what, fls, one, two)
-            if len(values) >= full:
-                trace.hash_values()
-                self._beat()
+
+    def _next_slot(self) -> None:
+        """On to the next part of a second, with what came in this one hashed if that is much."""
+        self.agenda.next_slot()
+        if len(self.trace.values) >= self.trace.BATCH:
+            self.trace.hash_values()
+            self._beat()
 
     def _beat(self) -> None:
         """Between two samples may pass long: let the observer show that the run lives."""
@@ -194,21 +201,31 @@ class _Run:
             self._told_wall = time.monotonic()
             self.observer.beat(self.agenda.now)
 
-    def _deliver(self, arrivals: list[tuple[float, VirtualFls]], message: Message, stamp: Stamp) -> None:
-        """A datagram to many: one after the other, until something else comes before the next one."""
+    def _deliver(
+        self, arrivals: list[tuple[float, VirtualFls]], datagram: tuple[Message, Stamp, float]
+    ) -> None:
+        """A datagram to many: one after the other, until something else comes before the next one.
+
+        The radio's rules let it reach all of them when it was sent, at the last number: only those who have begun to
+        listen to another swarm since are asked again.
+        """
         agenda, values = self.agenda, self.trace.values
+        message, stamp, tunings = datagram
         heap, kind, sender = agenda.heap, message.kind, message.sender
         while True:
             at, fls = arrivals.pop()
             if fls.alive:
                 agenda.now = at
                 values += (at, fls.fid, kind, sender)
-                fls.hear(message, stamp)
+                if fls.tuned_at <= tunings:
+                    fls.take(message, stamp)
+                else:
+                    fls.hear(message, stamp)
             if not arrivals:
                 return
             at = arrivals[-1][0]
             if at >= heap[0][0]:
-                agenda.put(at, GROUP, None, arrivals, (message, stamp))
+                agenda.put(at, GROUP, None, arrivals, datagram)
                 return
 
     def _go_on(self, what: int, fls: VirtualFls, message: Any, stamp: Stamp) -> None:
@@ -268,7 +285,7 @@ class _Run:
             swarm=swarm,
             state=np.frombuffer(bytearray(map(_state, flss)), np.int8),
             lit=swarm != 0,
-            alive=np.array([fls is not None for fls in air.flss[1:]], np.bool_),
+            alive=air.alive[1:].copy(),
             counters=self._counters(),
             live=Live(
                 now / wall if wall > 0 else None, *late, 1, None, faithful(*late, self.config.lease_ms)
@@ -300,8 +317,11 @@ class _Run:
 
     def _look_at_thaws(self) -> None:
         """Begin a thaw if that is the engine's to do, or see that one has begun."""
-        swarm = np.array(self.air.listens, np.int32)[1:]
-        alive = np.array([fls is not None for fls in self.air.flss[1:]], np.bool_)
+        obeyed = self.shared.counts[Count.THAWS_OBEYED]
+        if obeyed == self._obeyed and not self.thaws.central:
+            return  # no thaw has begun
+        self._obeyed = obeyed
+        swarm, alive = np.array(self.air.listens, np.int32)[1:], self.air.alive[1:]
         if not alive.any():
             return
         epoch = np.fromiter(map(_epoch, self.flss), np.int64, len(self.flss))

@@ -149,9 +149,10 @@ class Mood:
 class Late:
     """An FLS for a datagram that has been late already."""
 
-    __slots__ = ("_fls", "fid")
+    __slots__ = ("_fls", "fid", "tuned_at")
 
     def __init__(self, fls: StormyFls) -> None:
+        self.tuned_at = NEVER
         self._fls, self.fid = fls, fls.fid
 
     @property
@@ -180,7 +181,7 @@ class StormyFls(VirtualFls):
         self.mood = mood
         super().__init__(shared, spec)
         mood.late = Late(self)
-        self._plain = False
+        self.tuned_at = NEVER
 
     def hear(self, message: Message, stamp: Stamp) -> None:
         """A datagram comes to the border of a cut, and to a process that may hang or be slow."""

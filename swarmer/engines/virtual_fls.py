@@ -17,7 +17,7 @@ from swarmer.fls import DEPARTED, DUE, FAILED, FAILURE, LANDING, NEVER, PRIORITY
 from swarmer.messages import ZERO, Message, Stamp, Swarm
 from swarmer.metrics.lateness import bucket
 from swarmer.plan import Rules
-from swarmer.protocol.events import Received, ThawBegins
+from swarmer.protocol.events import ThawBegins
 from swarmer.protocol.race import JUDGED
 from swarmer.protocol.records import Counters
 from swarmer.radio import WINDOW, heard
@@ -56,7 +56,7 @@ class VirtualFls(BaseFls):
 
     __slots__ = (
         "_agenda", "_air", "_busy_until", "_half_window_s", "_handled_late", "_handling_s", "_latency_rng", "_noted",
-        "_plain", "_timer_late", "_waking", "alive", "fid", "shared",
+        "_timer_late", "_waking", "alive", "fid", "shared", "tuned_at",
     )  # fmt: skip
 
     def __init__(self, shared: Shared, spec: FlsSpec) -> None:
@@ -72,8 +72,10 @@ class VirtualFls(BaseFls):
         self._noted = [NEVER] * len(
             self.due
         )  # when the agenda will look at it, which may be before it is due
-        # Nothing but the radio's rules can stop a datagram here, and nobody watches.
-        self._plain = self._receiver_rng is None and self.witness is None and not self._range_estimated
+        # Which of the air's tunings was its last: a datagram that is older may not be for it any more. NEVER where more
+        # than its swarm decides whether it hears, or somebody watches.
+        plain = self._receiver_rng is None and self.witness is None and not self._range_estimated
+        self.tuned_at = 0.0 if plain else NEVER
         self._air.join(self, spec)
         if self.witness is not None:
             self.witness.made(self, self._agenda.now)
@@ -86,18 +88,22 @@ class VirtualFls(BaseFls):
     # -- the network role ----------------------------------------------------------------------------------------
 
     def hear(self, message: Message, stamp: Stamp) -> None:
-        """As in every engine, by a short way for most datagrams: those that nothing but the radio's rules can stop."""
-        if not self._plain:
+        """As in every engine, by a short way where nothing but the radio's rules can stop a datagram."""
+        if self.tuned_at == NEVER:
             super().hear(message, stamp)
             return
-        counts = self.network_counts
         refusal = heard(message, stamp, self.ears, self._count)
-        if refusal is not None:
-            counts[REFUSED[refusal]] += 1
-        elif message.kind in JUDGED or self._air.doubtful[message.sender]:
+        if refusal is None:
+            self.take(message, stamp)
+        else:
+            self.network_counts[REFUSED[refusal]] += 1
+
+    def take(self, message: Message, stamp: Stamp) -> None:
+        """`arrive`, by a short way for most datagrams: those that can only be queued."""
+        if message.kind in JUDGED or self._air.doubtful[message.sender]:
             self.arrive(message, stamp)
         else:
-            counts[_DELIVERED] += 1
+            self.network_counts[_DELIVERED] += 1
             self.queue(message, stamp)
 
     def fresh(self, message: Message, stamp: Stamp) -> bool:
@@ -116,16 +122,16 @@ class VirtualFls(BaseFls):
         else:
             self._busy_until = now + self._handling_s
             self._handled_late[0] += 1
-            self._heard_from = stamp.origin
-            self.feed(_new(Received, (message, False)), stamp)
+            self.take_message(message, stamp, now)
 
     def note(self, message: Message, stamp: Stamp) -> None:
         """Noting takes no time, but a handler that is busy."""
-        if self._waking or self._busy_until > self._agenda.now:
+        now = self._agenda.now
+        if self._waking or self._busy_until > now:
             self.notes.append((message, stamp))
             self._wake_when_free()
         else:
-            self.take_note(message, stamp)
+            self.take_message(message, stamp, now, noted=True)
 
     # -- the handler role ----------------------------------------------------------------------------------------
 
@@ -184,7 +190,10 @@ class VirtualFls(BaseFls):
             self.take_due(what)
 
     def tuned(self, old: Swarm) -> None:
-        self._air.tune(self, old, self.ears.swarm)
+        air = self._air
+        air.tune(self, old, self.ears.swarm)
+        if self.tuned_at != NEVER:
+            self.tuned_at = air.tunings
 
     def moved(self) -> None:
         self._air.moved(self)

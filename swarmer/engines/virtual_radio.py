@@ -53,10 +53,12 @@ class Air:
         self._tree: Any = None
         self.count = len(points)
         self.flss: list[VirtualFls | None] = [None] * (self.count + 1)  # by FID, as what follows
+        self.alive = np.zeros(self.count + 1, np.bool_)
         self.swarms: dict[Swarm, dict[int, VirtualFls]] = {}
         self.listens = array("i", [0]) * (
             self.count + 1
         )  # to the swarm of which Swarm-ID; 0: to none, it is dark
+        self.tunings = 0.0  # how often anybody has begun to listen to another swarm
         self._lit = 0
         self._listed_by: list[list[int]] = [
             [] for _ in range(self.count + 1)
@@ -76,7 +78,7 @@ class Air:
 
     def join(self, fls: VirtualFls, spec: FlsSpec) -> None:
         """A new FLS listens, in the place of its predecessor."""
-        self.flss[fls.fid] = fls
+        self.flss[fls.fid], self.alive[fls.fid] = fls, True
         if not self._distances[fls.fid]:
             self._near[fls.fid], self._distances[fls.fid] = spec.near, spec.distances
             for neighbour in spec.neighbours:
@@ -96,12 +98,13 @@ class Air:
 
     def leave(self, fls: VirtualFls) -> None:
         """It neither sends nor hears any more; what it has sent is still on its way."""
-        self.flss[fls.fid] = None
+        self.flss[fls.fid], self.alive[fls.fid] = None, False
         self.tune(fls, fls.ears.swarm, NO_SWARM)
 
     def tune(self, fls: VirtualFls, old: Swarm, new: Swarm) -> None:
         """From now on it listens to what is for the swarm `new`."""
         swarms = self.swarms
+        self.tunings += 1.0
         if old != NO_SWARM:
             members = swarms[old]
             del members[fls.fid]
@@ -130,32 +133,23 @@ class Air:
     def transmit(self, message: Message, stamp: Stamp, latency: Random, sender: VirtualFls | None) -> None:
         """Put a datagram on the air. sender: whom it cannot reach; None: the engine sends."""
         to = message.to
-        group: Iterable[VirtualFls | None]
         if to == TO_FLS:
             one = self.flss[message.addressee.xi]
             if one is not None and one is not sender:
                 agenda = self.agenda
                 at = agenda.now + self._lowest + self._span * latency.random()
                 agenda.put(at, DATAGRAM, one, message, stamp)
-            return
-        if to == TO_SWARM:
-            group = self.swarms.get(message.addressee, _NOBODY).values()
+        elif to == TO_SWARM:
+            members = self.swarms.get(message.addressee, _NOBODY).values()
+            self._send_to([fls for fls in members if fls is not sender], message, stamp, latency)
         elif message.kind == CHALLENGE_INIT and sender is not None:
-            group = self._in_range(message, stamp, sender)
+            self._send_to(self._in_range(message, stamp, sender), message, stamp, latency)
         else:
-            group = self.flss
-        self._send_to(group, message, stamp, latency, sender)
+            others = [fls for fls in self.flss if fls is not None and fls is not sender]
+            self._send_to(others, message, stamp, latency)
 
-    def _send_to(
-        self,
-        group: Iterable[VirtualFls | None],
-        message: Message,
-        stamp: Stamp,
-        latency: Random,
-        sender: VirtualFls | None,
-    ) -> None:
+    def _send_to(self, receivers: list[VirtualFls], message: Message, stamp: Stamp, latency: Random) -> None:
         """One entry for all, latest first: the loop takes them off the end, each at its own moment."""
-        receivers = [fls for fls in group if fls is not None and fls is not sender]
         count, first, span = len(receivers), self.agenda.now + self._lowest, self._span
         if count > MANY:
             draws = next_draws(latency, count)
@@ -168,7 +162,7 @@ class Air:
             arrivals.sort(key=_moment, reverse=True)
         else:
             return
-        self.agenda.put(arrivals[-1][0], GROUP, None, arrivals, (message, stamp))
+        self.agenda.put(arrivals[-1][0], GROUP, None, arrivals, (message, stamp, self.tunings))
 
     def _in_range(self, message: Message, stamp: Stamp, sender: VirtualFls) -> list[VirtualFls]:
         """Whom a challenge reaches, by the rules, at the moment of sending."""

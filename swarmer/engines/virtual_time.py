@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from array import array
+import struct
 from heapq import heapify, heappush
 from typing import Any
 
@@ -76,7 +76,7 @@ class Trace:
     def hash_values(self) -> None:
         """Hash what has gathered in `values`, and empty it."""
         self._hashed += len(self.values)
-        self._hash.update(array("d", self.values).tobytes())
+        self._hash.update(struct.pack(f"{len(self.values)}d", *self.values))
         self.values.clear()
 
     def sha256(self) -> str:

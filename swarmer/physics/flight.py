@@ -56,14 +56,14 @@ def duration(length: float, velocity: Velocity) -> float:
     return length / peak + peak / (2.0 * a) + peak / (2.0 * b)
 
 
-def travelled(t_s: float, length: float, velocity: Velocity) -> float:
-    """Cells flown `t_s` seconds into a way of `length` cells."""
+def travelled(t_s: float, length: float, duration_s: float, velocity: Velocity) -> float:
+    """Cells flown `t_s` seconds into a way of `length` cells that takes `duration_s`."""
     if t_s <= 0.0:
         return 0.0
-    peak = peak_speed(length, velocity)
-    left_s = duration(length, velocity) - t_s
+    left_s = duration_s - t_s
     if left_s <= 0.0:
         return length
+    peak = peak_speed(length, velocity)
     a, b = velocity.acceleration, velocity.braking
     if t_s < peak / a:
         return 0.5 * a * t_s * t_s
@@ -80,6 +80,6 @@ def position_at(flight: Flight, now: float, velocity: Velocity) -> Vec3:
     elif t <= 0.0 or flight.length == 0.0:
         share = 0.0
     else:
-        share = travelled(t, flight.length, velocity) / flight.length
+        share = travelled(t, flight.length, flight.duration_s, velocity) / flight.length
     s, d = flight.start, flight.displacement
     return (s[0] + d[0] * share, s[1] + d[1] * share, s[2] + d[2] * share)

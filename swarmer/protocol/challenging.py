@@ -37,5 +37,6 @@ def skip_tick(me: Memory, _: object) -> None:
 
 def _rearm_tick(me: Memory) -> None:
     # From the tick's own time, not from now: a late process must not challenge less often.
-    me.tick_s = max(me.now, me.tick_s + me.settings.lambda_s * me.rng.uniform(0.5, 1.5))
+    # uniform in [0.5, 1.5) λ
+    me.tick_s = max(me.now, me.tick_s + me.settings.lambda_s * (0.5 + me.rng.random()))
     me.arm(CHALLENGE_TIMER, me.tick_s)

@@ -45,6 +45,8 @@ if TYPE_CHECKING:
     from swarmer.protocol.thaw import ThawPolicy
 
 _new = tuple.__new__  # a named tuple's own costs twice the time, and these are made all the time
+_DISARM = tuple(map(Disarm, Timer))
+_ON_OTHERS = 1 << BOUND_TIMER | 1 << LEASE_TIMER | 1 << RENEW_TIMER  # timers of who waits for other FLSs
 UINT32_MAX = 0xFFFFFFFF  # what a datagram has room for
 
 
@@ -187,7 +189,7 @@ class Memory:
         for timer in timers:
             if self._armed >> timer & 1:
                 self._armed &= ~(1 << timer)
-                self.actions.append(Disarm(timer))
+                self.actions.append(_DISARM[timer])
 
     def say(
         self,
@@ -211,13 +213,14 @@ class Memory:
 
     def tell(self, message: Message, kind: int, flags: int = 0, other: Swarm = NO_SWARM) -> None:
         """Answer the sender of `message`, about the same challenge."""
-        self.say(kind, TO_FLS, Swarm(message.sender, 0), flags, message.challenge, other)
+        self.say(kind, TO_FLS, _new(Swarm, (message.sender, 0)), flags, message.challenge, other)
 
     def tell_swarm(self, kind: int, swarm: Swarm | None = None, flags: int = 0) -> None:
         self.say(kind, TO_SWARM, self.swarm if swarm is None else swarm, flags)
 
     def become_available(self) -> None:
-        self.disarm(BOUND_TIMER, LEASE_TIMER, RENEW_TIMER)
+        if self._armed & _ON_OTHERS:
+            self.disarm(BOUND_TIMER, LEASE_TIMER, RENEW_TIMER)
         self.holders.clear()
         self.anchor = None
         self.state = A

@@ -26,6 +26,7 @@ FAULTS = {"radio.loss": 0.05, "radio.reorder": 0.2, "failure.rate": 0.02, "virtu
 def test_the_short_way_of_a_datagram_is_the_long_one(monkeypatch, faults):
     short = trace(**faults)
     monkeypatch.setattr(VirtualFls, "hear", BaseFls.hear)
+    monkeypatch.setattr(VirtualFls, "take", BaseFls.hear)
     monkeypatch.setattr(VirtualFls, "fresh", BaseFls.fresh)
     assert trace(**faults) == short
 

@@ -144,9 +144,9 @@ def test_no_datagram_arrives_before_the_shortest_latency_or_after_the_longest(mo
     ways = []
 
     class Tap(VirtualFls):
-        def hear(self, message, stamp):
+        def take(self, message, stamp):
             ways.append(self._agenda.now - stamp.sent_at)
-            super().hear(message, stamp)
+            super().take(message, stamp)
 
     monkeypatch.setattr(virtual, "VirtualFls", Tap)
     fly(duration_s=6, **{"virtual.latency_min_ms": 2, "virtual.latency_max_ms": 3})
@@ -174,8 +174,14 @@ def busy(**settings):
     """A busy FLS among others, and what its machine is fed from now on."""
     _, shared, flss = display(0.010, **settings)
     fls, fed = flss[5], []
-    handle = fls.machine.handle
+    handle, receive = fls.machine.handle, fls.machine.receive
+
+    def received(message, now, noted):
+        fed.append((round(now, 6), Received(message, noted)))
+        return receive(message, now, noted)
+
     fls.machine.handle = lambda event, now: fed.append((round(now, 6), event)) or handle(event, now)
+    fls.machine.receive = received
     return shared, fls, fed
 
 

@@ -5,12 +5,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarmer.physics.flight import Velocity, duration, peak_speed, plan_flight, position_at, travelled
+from swarmer.physics import flight
+from swarmer.physics.flight import Velocity, duration, peak_speed, plan_flight, position_at
 
 rates = st.floats(0.1, 1000.0)
 velocities = st.builds(Velocity, rates, rates, rates)
 lengths = st.one_of(st.just(0.0), st.floats(1e-6, 1e4))
 SLOW = Velocity(2.0, 1.0, 4.0)
+
+
+def travelled(t_s, length, velocity):
+    return flight.travelled(t_s, length, duration(length, velocity), velocity)
 
 
 @given(lengths, velocities)

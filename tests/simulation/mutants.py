@@ -320,7 +320,7 @@ def _(patch):
 
 @mutant("judged at sending", "S13", **{"virtual.latency_max_ms": 30.0, "lambda_ms": 100.0})
 def _(patch):
-    hear, receive = VirtualFls.hear, StateMachine._receive
+    hear, receive = VirtualFls.hear, StateMachine.receive
 
     def take_what_was_sent(self, message, stamp):
         there = message.kind in SWARM_KINDS and self.machine.awake
@@ -329,8 +329,8 @@ def _(patch):
     patch.setattr(VirtualFls, "hear", take_what_was_sent)
     patch.setattr(
         StateMachine,
-        "_receive",
-        lambda me, event: receive(me, event._replace(message=readdressed(me, event.message))),
+        "receive",
+        lambda me, message, *more: receive(me, readdressed(me, message), *more),
     )
 
 
@@ -338,10 +338,10 @@ def _(patch):
 def _(patch):
     take = VirtualFls.take_message
 
-    def take_twice(self, message, stamp):
-        take(self, message, stamp)
+    def take_twice(self, message, stamp, now, **noted):
+        take(self, message, stamp, now, **noted)
         if self.alive and message.kind == FOLLOW_MERGE:
-            take(self, message, stamp)
+            take(self, message, stamp, now, **noted)
 
     patch.setattr(VirtualFls, "take_message", take_twice)
 
