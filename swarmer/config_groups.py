@@ -194,10 +194,10 @@ class Virtual(Group):
     """The virtual-time engine alone."""
 
     latency_min_ms: float = number(
-        0.5, "ms", 0, 60_000, "shortest time that a datagram is on its way", only="virtual"
+        0.05, "ms", 0, 60_000, "shortest time that a datagram is on its way", only="virtual"
     )
     latency_max_ms: float = number(
-        1.5, "ms", 0, 60_000, "longest; each receiver of a datagram has a time of its own", only="virtual"
+        0.5, "ms", 0, 60_000, "longest; each receiver of a datagram has a time of its own", only="virtual"
     )
     handling_ms: float = number(
         0.15, "ms", 0, 60_000, "time that an FLS takes for one message, while others queue", only="virtual"

@@ -1,8 +1,8 @@
 """Estimates with 95 % confidence intervals, for few runs, some of which may never have got where they should.
 
-Two questions, a method for each, named in what it gives:
+Questions, a method for each, named in what it gives:
 
-- a mean (datagrams, thaws): Student's t;
+- a mean (datagrams, thaws): Student's t, and Welch's for how much two differ;
 - a median of times, where a run that never got there counts as later than all that did: order statistics, the ranks
   of the binomial distribution, which assume nothing about how the times are distributed.
 """
@@ -24,7 +24,7 @@ class Interval(NamedTuple):
     estimate: float
     low: float
     high: float
-    method: str  # "t" or "ranks"
+    method: str  # "t", "welch" or "ranks"
     n: int
     level: float = LEVEL  # the share of experiments whose interval holds the truth
 
@@ -43,9 +43,33 @@ def mean(values: Sequence[float], level: float = LEVEL) -> Interval:
         return Interval(middle, math.nan, math.nan, "t", 1, level)
     from scipy.special import stdtrit
 
-    variance = math.fsum((value - middle) ** 2 for value in values) / (n - 1)
-    half = float(stdtrit(n - 1, (1 + level) / 2)) * math.sqrt(variance / n)
+    half = float(stdtrit(n - 1, (1 + level) / 2)) * math.sqrt(_variance(values, middle) / n)
     return Interval(middle, middle - half, middle + half, "t", n, level)
+
+
+def difference_of_means(values: Sequence[float], others: Sequence[float], level: float = LEVEL) -> Interval:
+    """How much larger the mean of `others` is, with Welch's interval: their variances need not be alike.
+
+    >>> difference_of_means([1.0, 2.0, 3.0], [2.0, 4.0, 6.0])
+    Interval(estimate=2.0, low=-2.15..., high=6.15..., method='welch', n=6, level=0.95)
+    """
+    one, other = mean(values, level), mean(others, level)
+    n, estimate = one.n + other.n, other.estimate - one.estimate
+    if min(one.n, other.n) < 2:
+        return Interval(estimate, math.nan, math.nan, "welch", n, level)
+    from scipy.special import stdtrit
+
+    shares = [_variance(its, of.estimate) / of.n for its, of in ((values, one), (others, other))]
+    both = math.fsum(shares)
+    if both == 0:
+        return Interval(estimate, estimate, estimate, "welch", n, level)
+    freedom = both**2 / (shares[0] ** 2 / (one.n - 1) + shares[1] ** 2 / (other.n - 1))
+    half = float(stdtrit(freedom, (1 + level) / 2)) * math.sqrt(both)
+    return Interval(estimate, estimate - half, estimate + half, "welch", n, level)
+
+
+def _variance(values: Sequence[float], middle: float) -> float:
+    return math.fsum((value - middle) ** 2 for value in values) / (len(values) - 1)
 
 
 def median(values: Sequence[float], level: float = LEVEL) -> Interval:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from swarmer.metrics.intervals import NEVER, mean, median
+from swarmer.metrics.intervals import NEVER, difference_of_means, mean, median
 
 DRAWS = 4000
 
@@ -28,6 +28,15 @@ def test_the_mean_is_that_of_scipy():
     found = mean(values)
     low, high = stats.t.interval(0.95, 3, np.mean(values), stats.sem(values))
     assert found[:5] == (pytest.approx(4.6875), pytest.approx(low), pytest.approx(high), "t", 4)
+
+
+def test_the_difference_of_means_is_that_of_scipy():
+    one, other = [3.0, 4.5, 4.0, 7.25], [9.0, 9.5, 12.0]
+    found = difference_of_means(one, other)
+    bounds = stats.ttest_ind(other, one, equal_var=False).confidence_interval(0.95)
+    assert found[:3] == (pytest.approx(np.mean(other) - np.mean(one)), *map(pytest.approx, bounds))
+    assert difference_of_means([1, 1], [3, 3])[:3] == (2, 2, 2)
+    assert math.isnan(difference_of_means([1], [2, 3]).low)
 
 
 @pytest.mark.parametrize("n", [5, 6, 9, 10, 20, 31])

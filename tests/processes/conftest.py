@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parent.parent / "simulation"))  # rules broken on purpose
 
 
 def pytest_collection_modifyitems(items):
