@@ -1,4 +1,4 @@
-"""Do two engines tell the same story? The same cell of an experiment in both, quantity by quantity, each with intervals.
+"""Do two engines tell the same story? The same cell of an experiment in both, quantity by quantity, with intervals.
 
 Two intervals of 95 % that overlap are the criterion. Where the truths are equal and the intervals about as wide, they
 miss each other once in some 180 times; what a difference must be to be seen, its own interval tells.
@@ -53,7 +53,9 @@ def figures_of(directory: Path) -> Figures:
     """What is compared of a finished run: of its summary, and of its timeline at fixed seconds.
 
     Moments after the end of the run are left out. When there is one swarm first is taken from the samples, too: in
-    virtual time the summary knows more than samples show, if FLSs thaw as soon as they know. Raises OSError, KeyError, ValueError.
+    virtual time the summary knows more than samples show, if FLSs thaw as soon as they know.
+
+    Raises OSError, KeyError, ValueError.
     """
     summary = flat(json.loads((directory / SUMMARY).read_text(encoding="utf-8")))
     with np.load(directory / TIMELINE, allow_pickle=False) as file:
