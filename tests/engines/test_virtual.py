@@ -27,7 +27,7 @@ REPORT = "from swarmer import cli; import sys; sys.argv[0] = 'swarmer'; cli.main
 
 
 def test_a_small_sphere_becomes_one_swarm_and_stops_at_its_goal():
-    result, watcher = fly(points=60, duration_s=100, until_hd_cells=0.1)
+    result, watcher = fly(points=60, duration_s=100, until_hd_cells=0.1, **{"thaw.policy": "timer"})
     assert result.status == "done"
     assert result.emulated_s < 100
     assert watcher.progress.first_single_swarm_s is not None
