@@ -89,8 +89,8 @@ def test_both_engines_tell_the_same(tmp_path, processes):
 
 @pytest.mark.parametrize(
     ("settings", "seen"),
-    [({"epsilon_deg": 0}, "HD at 2 s, cells"), ({"radio.loss": 0.2}, "datagrams_lost")],
-    ids=["flights without error", "twice the loss"],
+    [({"epsilon_deg": 0}, "HD at 2 s, cells"), ({"radio.loss": 0.3}, "datagrams_lost")],
+    ids=["flights without error", "three times the loss"],
 )
 def test_an_engine_with_another_physics_is_told_apart(settings, seen, tmp_path, processes):
     assert seen in [found.quantity for found in apart(processes, virtual(tmp_path, BROKEN_SEEDS, **settings))]
