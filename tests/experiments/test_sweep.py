@@ -20,6 +20,7 @@ from swarmer.experiments.one_run import perform
 from swarmer.experiments.pool import DIED, Pool
 from swarmer.experiments.results import Results
 from swarmer.experiments.runs import expand
+from swarmer.experiments.sweep_directory import as_file, home_of
 from swarmer.observe import files
 
 SWEEP = "from swarmer import cli; import sys; sys.argv[0] = 'swarmer'; cli.main()"
@@ -125,8 +126,9 @@ def test_killed_and_started_again_it_makes_what_is_missing_and_repeats_nothing(w
     workers = children(process.pid)
     assert workers
     process.kill()
-    process.communicate()
+    _, err = process.communicate()
     wait_for(lambda: gone(workers))
+    assert "resource_tracker" not in err
     there = {path: path.stat().st_mtime_ns for path in summaries(out)}
     assert 3 <= len(there) < 12
     assert 0 < len(rows(out)) <= len(there)
@@ -299,9 +301,16 @@ def test_the_file_of_a_sweep_stands_for_that_sweep(write, tmp_path):
     assert "mine: 6 runs, 4 of them finished already" in err
     assert out.splitlines()[-1] == "runs/o"
     assert (tmp_path / "runs" / "o" / "experiment.yaml").read_text().startswith("# The experiment mine, ")
-    copy = tmp_path / "experiment.yaml"  # and a copy elsewhere for itself
-    copy.write_text((tmp_path / "runs" / "o" / "experiment.yaml").read_text())
-    assert swept(copy, "--seeds", "1", cwd=tmp_path)[0].splitlines()[-1] == "runs/experiment"
+
+
+def test_a_copy_of_a_sweeps_file_stands_for_itself(write, tmp_path):
+    copy = write(as_file(read_experiment(str(write(TINY, "mine.yaml")))), "experiment.yaml")
+    experiment = read_experiment(str(copy))
+    assert home_of(experiment, copy) == (experiment, Path("runs/experiment"))
+    (tmp_path / "results.csv").touch()
+    assert home_of(experiment, copy)[0].name == "mine"
+    assert home_of(experiment, copy)[1] == tmp_path
+    assert home_of(experiment, write(copy.read_text(), "other.yaml"))[1] == Path("runs/experiment")
 
 
 @pytest.mark.parametrize("failed", [0, 2])
@@ -333,8 +342,7 @@ def test_a_worker_that_is_killed_takes_one_run_with_it(write, tmp_path):
     def kill_one():
         """As soon as the first run is under way."""
         if not killed and (tmp_path / runs[0].path / "manifest.json").exists():
-            worker = pool._slots[0]
-            killed.extend(worker._processes)
+            killed.append(pool._slots[0].process.pid)
             os.kill(killed[0], signal.SIGKILL)
 
     with Pool(2, tmp_path) as pool:
@@ -349,10 +357,9 @@ def test_a_worker_that_dies_between_two_runs_is_replaced(write, tmp_path):
     runs = expand(read_experiment(str(write(TINY))))
     with Pool(1, tmp_path) as pool:
         first = list(pool.outcomes(runs[:1], lambda run: None, lambda: None))
-        (worker,) = pool._slots[0]._processes
-        os.kill(worker, signal.SIGKILL)
-        wait_for(lambda: gone([worker]))
-        wait_for(lambda: pool._slots[0]._broken)
+        worker = pool._slots[0].process
+        worker.kill()
+        wait_for(lambda: not worker.is_alive())
         second = list(pool.outcomes(runs[1:2], lambda run: None, lambda: None))
     assert [outcome.status for _, outcome in first + second] == ["done", "done"]
 
