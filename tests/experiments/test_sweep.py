@@ -199,7 +199,8 @@ def test_a_failed_run_has_a_row_and_ends_with_1_and_is_made_anew(write, tmp_path
     strange.touch()
     _, err = swept(write(TINY), "--out", "o", cwd=tmp_path, status=1)
     assert "error: 1 of 4 runs failed, the first radio.loss=0/seed-2 (out: " in err
-    assert len(err.splitlines()) == 3  # planned, the failure as it happened, the error
+    lines = [line for line in err.splitlines() if "ETA" not in line]  # how far it is, on a slow machine
+    assert len(lines) == 3  # planned, the failure as it happened, the error
     assert [row["status"] for row in rows(tmp_path / "o")] == ["done", "failed", "done", "done"]
     assert "thesis.tex" in rows(tmp_path / "o")[1]["message"]
     assert strange.exists()
