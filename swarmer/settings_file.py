@@ -16,6 +16,7 @@ from swarmer.settings import Setting, did_you_mean
 from swarmer.yaml_file import parse, read_mapping
 
 CHAIN_MAX = 16  # files that extend each other
+OF_EXPERIMENTS = {"base", "grid", "blocks"}  # parts of an experiment file, and no settings
 
 
 def preset_dir() -> Path:
@@ -102,6 +103,9 @@ def _read(path: Path, known: Mapping[str, Setting], chain: tuple[Path, ...]) -> 
         names = " -> ".join(step.name for step in (*chain, place))
         raise BadInput.saying(f"extends: {shown(names, 200)[1:-1]} never ends")
     mapping = read_mapping(path)
+    if OF_EXPERIMENTS & mapping.keys():
+        name = shown(str(path), 200)[1:-1]
+        raise BadInput.saying(f"config: {name} is an experiment file; `swarmer sweep {name}` makes its runs")
     extends = mapping.pop("extends", None)
     if extends is None:
         below: dict[str, Any] = {}

@@ -28,7 +28,7 @@ PLAIN_TAGS = {f"tag:yaml.org,2002:{kind}" for kind in ("null", "bool", "int", "f
 
 
 class _Refused(yaml.YAMLError):
-    """Well-formed YAML that we do not take; carries the line number."""
+    """Well-formed YAML that we do not take; says where."""
 
 
 class _Loader(yaml.SafeLoader):
@@ -41,19 +41,19 @@ class _Loader(yaml.SafeLoader):
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
-        where = event.start_mark.line + 1
+        where = _place(event.start_mark)
         if isinstance(event, yaml.AliasEvent):
-            raise _Refused(f"line {where}: an alias (*name) is not allowed; write the value out")
+            raise _Refused(f"{where}: an alias (*name) is not allowed; write the value out")
         if self.depth >= DEPTH_MAX:
-            raise _Refused(f"line {where}: nested too deep; at most {DEPTH_MAX} levels")
+            raise _Refused(f"{where}: nested too deep; at most {DEPTH_MAX} levels")
         self.nodes += 1
         if self.nodes > NODES_MAX:
-            raise _Refused(f"line {where}: too long; at most {NODES_MAX} keys and values")
+            raise _Refused(f"{where}: too long; at most {NODES_MAX} keys and values")
         self.depth += 1
         node: Any = super().compose_node(parent, index)
         self.depth -= 1
         if node.tag not in PLAIN_TAGS:
-            raise _Refused(f"line {where}: {shown(node.tag)} is not allowed; plain values only")
+            raise _Refused(f"{where}: {shown(node.tag)} is not allowed; plain values only")
         if isinstance(node, yaml.MappingNode):
             _check_keys(node)
         return node
@@ -63,14 +63,19 @@ _Loader.add_implicit_resolver("tag:yaml.org,2002:float", FLOAT, list("-+01234567
 _Loader.add_implicit_resolver("tag:yaml.org,2002:int", INT, list("-+0123456789"))
 
 
+def _place(mark: yaml.Mark) -> str:
+    """As an editor counts: from 1."""
+    return f"line {mark.line + 1}, column {mark.column + 1}"
+
+
 def _check_keys(node: yaml.MappingNode) -> None:
     seen: set[str] = set()
     for key, _ in node.value:
-        where = key.start_mark.line + 1
+        where = _place(key.start_mark)
         if not isinstance(key, yaml.ScalarNode) or key.tag != "tag:yaml.org,2002:str" or key.value == "<<":
-            raise _Refused(f"line {where}: a key must be a name")
+            raise _Refused(f"{where}: a key must be a name")
         if key.value in seen:
-            raise _Refused(f"line {where}: {shown(key.value)} is given twice")
+            raise _Refused(f"{where}: {shown(key.value)} is given twice")
         seen.add(key.value)
 
 
@@ -86,8 +91,8 @@ def read_mapping(path: Path) -> dict[str, Any]:
     except _Refused as error:
         raise _bad(path, str(error)) from None
     except yaml.MarkedYAMLError as error:
-        line = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
-        raise _bad(path, f"{line}{error.problem or 'not YAML'}") from None
+        where = f"{_place(error.problem_mark)}: " if error.problem_mark else ""
+        raise _bad(path, f"{where}{error.problem or 'not YAML'}") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise _bad(path, f"not YAML: {str(error).splitlines()[0] if str(error) else 'unreadable'}") from None
     if found is None:

@@ -299,13 +299,13 @@ def test_accepting_without_a_gap_and_challenging_at_once_would_flood():
 
 
 FILES = {
-    "alias bomb": ("a: &a [x, x]\nb: &b [*a, *a]\n", "line 2: an alias (*name) is not allowed"),
+    "alias bomb": ("a: &a [x, x]\nb: &b [*a, *a]\n", "line 2, column 8: an alias (*name) is not allowed"),
     "3,000 brackets": ("shape: " + "[" * 3000, "nested too deep"),
     "deep mapping": ("".join(" " * depth + "a:\n" for depth in range(100)), "nested too deep"),
     "10 MB": ("# " + "x" * 10_000_000, "too large; at most 1 MB"),
     "100,000 keys": ("".join(f"a{number}: 1\n" for number in range(100_000)), "too long; at most 10000"),
     "4,000 unknown keys": ("".join(f"a{number}: 1\n" for number in range(4000)), "(and 3999 more)"),
-    "twice": ("seed: 1\nseed: 2\n", "line 2: 'seed' is given twice"),
+    "twice": ("seed: 1\nseed: 2\n", "line 2, column 1: 'seed' is given twice"),
     "twice, two ways": ("radio.loss: 0.1\nradio: {loss: 0.2}\n", "radio.loss: is given twice"),
     "a list": ("- seed\n", "must be a mapping"),
     "a word": ("seed\n", "must be a mapping"),
@@ -316,7 +316,8 @@ FILES = {
     "merge key": ("<<: {seed: 2}\n", "a key must be a name"),
     "key off": ("off: 1\n", "a key must be a name"),
     "key list": ("[1, 2]: 3\n", "a key must be a name"),
-    "tab": ("radio:\n\tloss: 1\n", "cannot start any token"),
+    "tab": ("radio:\n\tloss: 1\n", "line 2, column 1: found character '\\t' that cannot start any token"),
+    "an experiment": ("base: {seed: 1}\n", "file.yaml is an experiment file; `swarmer sweep "),
     "unclosed": ("radio: {loss: 1\n", "expected ',' or '}'"),
     "huge integer": ("seed: " + "9" * 5000 + "\n", "seed: '9999"),
     "not UTF-8": (b"shape: \xff\xfe\n", "not YAML"),

@@ -39,7 +39,7 @@ def drawing():
 @pytest.mark.parametrize("page", PAGES, ids=named)
 def test_every_file_that_a_page_names_is_there(page):
     """As a path from the checkout, from the package, or beside the file named before it in brackets."""
-    here = {path.name for path in ROOT.glob("swarmer/**/*.py")} | {"config.yaml"}
+    here = {path.name for path in ROOT.glob("swarmer/**/*.py")} | {"config.yaml", "experiment.yaml"}
     for name in FILE.findall(page.read_text("utf-8")):
         there = (ROOT / name).exists() or (ROOT / "swarmer" / name).exists()
         assert there or ("/" not in name and name in here) or "NAME" in name, name

@@ -20,11 +20,12 @@ if TYPE_CHECKING:
     from swarmer.experiments.sweep import Ended
 
 MANY = 3000  # runs; more are refused without --yes
+MANY_LISTED = 100_000  # so are more than these with --dry-run
 
 
 @click.command("sweep")
 @click.argument("file")
-@click.option("--out", metavar="DIR", help="The sweep's directory. Named again, it is gone on with. [default: runs/EXPERIMENT]")  # fmt: skip
+@click.option("--out", metavar="DIR", help="The sweep's directory. Named again, it is gone on with. [default: runs/EXPERIMENT, or where FILE is, if a sweep wrote it]")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(1, 1024), metavar="N", help="Runs at a time. [default: one for each core]")  # fmt: skip
 @click.option("--seeds", metavar="N|LIST", help="In place of the file's: a count, or numbers with commas between, as 3,7.")  # fmt: skip
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="A setting of every run, in place of the file's base; may be repeated.")  # fmt: skip
@@ -47,22 +48,25 @@ def command(
     """
     with ends_at_once():
         from swarmer.engines.limits import cores
-        from swarmer.experiments.experiment import read_experiment
+        from swarmer.experiments.experiment import find_experiment, read_experiment
         from swarmer.experiments.runs import check_plans, expand, size
+        from swarmer.experiments.sweep_directory import home_of
 
         directory = directory_named(out)
         experiment = read_experiment(file, overrides, seeds)
-        if size(experiment) > MANY and not yes:
+        experiment, home = home_of(experiment, find_experiment(file))
+        most = MANY_LISTED if dry_run else MANY
+        if size(experiment) > most and not yes:
             raise BadInput.saying(
-                f"{experiment.file}: stands for {size(experiment):,} runs; more than {MANY:,} need --yes"
+                f"{experiment.file}: stands for {size(experiment):,} runs; more than {most:,} need --yes"
             )
         runs = expand(experiment)
+        check_plans(runs, experiment.file)
         if dry_run:
             for run in runs:
                 click.echo(run.path.as_posix())
             return
-        check_plans(runs, experiment.file)
-    carry_out(experiment, runs, directory or Path("runs") / experiment.name, jobs or cores())
+    carry_out(experiment, runs, directory or home, jobs or cores())
 
 
 def carry_out(experiment: Experiment, runs: list[Run], out: Path, jobs: int) -> None:
@@ -78,6 +82,7 @@ def carry_out(experiment: Experiment, runs: list[Run], out: Path, jobs: int) -> 
             ended = sweep(experiment, runs, out, jobs, Board())
     except KeyboardInterrupt:
         click.echo(f"what is finished is in {out}; the same command goes on with the rest", err=True)
+        click.echo(str(out))
         raise
     for line in lines_of(out / RESULTS):
         click.echo(line)

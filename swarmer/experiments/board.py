@@ -26,15 +26,16 @@ class Board:
         self._clock = clock
         self._terminal = self._stream.isatty()
         self._live: Any = None
-        self._title, self._total, self._before = "", 0, 0
+        self._title, self._total, self._before, self._jobs = "", 0, 0, 1
         self._ended = 0  # in this go
+        self._done, self._done_s = 0, 0.0  # those of them that tell how long a run takes; their seconds
         self._running: dict[str, float] = {}  # name: since when
         self._failures: list[str] = []
         self._began = self._shown_at = clock()
 
     def planned(self, title: str, total: int, before: int, jobs: int) -> None:
         """total: runs of the sweep, of which `before` are finished already. jobs: at a time; 0 if none is missing."""
-        self._title, self._total, self._before = title, total, before
+        self._title, self._total, self._before, self._jobs = title, total, before, max(jobs, 1)
         self._began = self._shown_at = self._clock()
         there = f", {before} of them finished already" if before else ""
         self.say(f"{title}: {total} runs{there}, " + (f"{jobs} at a time" if jobs else "nothing is missing"))
@@ -45,9 +46,13 @@ class Board:
 
     def ended(self, run: Run, outcome: Outcome) -> None:
         """A run has ended; a failure is told at once."""
-        self._running.pop(str(run.path), None)
+        now = self._clock()
+        since = self._running.pop(str(run.path), now)
         self._ended += 1
-        if outcome.status != "done":
+        if outcome.status == "done":
+            self._done += 1
+            self._done_s += now - since
+        else:
             line = f"{outcome.status}: {run.path}: {outcome.message}".rstrip(": ")
             self._failures.append(line)
             if not self._terminal:
@@ -94,9 +99,13 @@ class Board:
         return self._clock() - self._began
 
     def _eta(self) -> str:
-        """As long as the runs so far took, each; unknown before the first has ended."""
+        """As long as the runs so far took, each; unknown before the first is done. A failed one tells nothing."""
         left = self._total - self._before - self._ended
-        return clock(self._wall / self._ended * left) if self._ended else "–"
+        if not left or not self._done:
+            return "–" if left else clock(0)
+        each, now = self._done_s / self._done, self._clock()
+        spent = sum(min(each, now - since) for since in self._running.values())
+        return clock((each * left - spent) / min(self._jobs, left))
 
     def _draw(self) -> None:
         from rich import box

@@ -133,6 +133,8 @@ class _Reader:
 
     def experiment(self, overrides: list[str], seeds: tuple[int, ...] | None) -> Experiment:
         whole = read_mapping(self.path)
+        if all(value is None for value in whole.values()):
+            raise BadInput.saying(f"{self.file}: is empty; an experiment has {', '.join((*PARTS, BLOCKS))}")
         entries = self._blocks(whole.pop(BLOCKS, None))
         self._check_parts(whole, "", (*PARTS, BLOCKS))
         below, all_say = self._base(whole.get("base"), "base")

@@ -1,8 +1,9 @@
 """Worker processes of a sweep: each makes one run at a time, and the same process one after the other.
 
 A worker is spawned: it begins with nothing of ours, no thread, no lock, no open file, and imports the libraries once
-for all its runs. Each has an executor of its own, so when one dies it is known which run died with it, and the others
-go on. A worker ends at once when the sweep does, however that ends: it listens to a pipe whose other end dies with it.
+for all its runs. Each has a line of its own to the sweep, so when one dies it is known which run died with it, and the
+others go on. A worker ends at once when the sweep does, however that ends: it listens to a pipe whose other end dies
+with it. There is nothing but pipes between them, no semaphore that a killed sweep would leave behind.
 """
 
 from __future__ import annotations
@@ -13,21 +14,28 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
+from multiprocessing.connection import wait
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from swarmer.experiments.one_run import Outcome, perform
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
+    from multiprocessing.context import SpawnProcess
 
     from swarmer.experiments.runs import Run
 
 LOOK_EVERY_S = 0.25
 DIED = "its process died; was it killed, or out of memory?"
+
+
+class Worker(NamedTuple):
+    """A process that makes runs."""
+
+    process: SpawnProcess
+    line: Connection  # on which it gets runs and gives outcomes
 
 
 class Pool:
@@ -38,18 +46,17 @@ class Pool:
         self._jobs, self._out = jobs, out
         self._context = get_context("spawn")
         self._ear, self._mouth = self._context.Pipe(duplex=False)
-        self._slots: list[ProcessPoolExecutor | None] = [None] * jobs
+        self._slots: list[Worker | None] = [None] * jobs
 
     def __enter__(self) -> Pool:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """End the workers: those that are idle by a word, and if this is an emergency all of them at once."""
+        """End the workers: each as soon as it is idle, and if this is an emergency all of them at once."""
         if kind is not None:
             self._mouth.close()
-        for slot in self._slots:
-            if slot is not None:
-                slot.shutdown(wait=True, cancel_futures=True)
+        for slot in range(self._jobs):
+            self._dismiss(slot)
         self._mouth.close()
         self._ear.close()
 
@@ -61,7 +68,7 @@ class Pool:
         started: told of a run that begins. tick: called several times a second.
         """
         waiting, free = deque(runs), deque(range(self._jobs))
-        running: dict[Future[Outcome], tuple[int, Run]] = {}
+        running: dict[Any, tuple[int, Run]] = {}
         ended: list[tuple[Run, Outcome]] = []
         while waiting or running:
             begun = []
@@ -74,31 +81,46 @@ class Pool:
                 started(run)
             tick()
             ended = []
-            for future in wait(running, timeout=LOOK_EVERY_S, return_when=FIRST_COMPLETED).done:
-                slot, run = running.pop(future)
-                ended.append((run, self._outcome(future, slot)))
+            for line in wait(list(running), LOOK_EVERY_S):
+                slot, run = running.pop(line)
+                ended.append((run, self._outcome(line, slot)))
                 free.append(slot)
         yield from ended
 
-    def _begin(self, slot: int, run: Run) -> Future[Outcome]:
-        with _deaf():
-            try:
-                return self._worker(slot).submit(perform, run.config, self._out / run.path)
-            except BrokenProcessPool:  # it died between two runs
-                self._slots[slot] = None
-                return self._worker(slot).submit(perform, run.config, self._out / run.path)
+    def _begin(self, slot: int, run: Run) -> Connection:
+        job = (run.config, self._out / run.path)
+        worker = self._slots[slot] or self._hire(slot)
+        try:
+            worker.line.send(job)
+        except OSError:  # it died between two runs
+            self._dismiss(slot)
+            worker = self._hire(slot)
+            worker.line.send(job)
+        return worker.line
 
-    def _worker(self, slot: int) -> ProcessPoolExecutor:
-        worker = self._slots[slot] or ProcessPoolExecutor(1, self._context, _listen, (self._ear,))
-        self._slots[slot] = worker
+    def _hire(self, slot: int) -> Worker:
+        ours, theirs = self._context.Pipe()
+        process = self._context.Process(target=_work, args=(theirs, self._ear))
+        with _deaf():
+            process.start()
+        theirs.close()  # or nobody would see it die
+        worker = self._slots[slot] = Worker(process, ours)
         return worker
 
-    def _outcome(self, future: Future[Outcome], slot: int) -> Outcome:
+    def _dismiss(self, slot: int) -> None:
+        """Of a worker that has nothing to do, or is dead."""
+        worker, self._slots[slot] = self._slots[slot], None
+        if worker is not None:
+            worker.line.close()
+            worker.process.join()
+
+    def _outcome(self, line: Any, slot: int) -> Outcome:
         try:
-            return future.result()
-        except BrokenProcessPool:
-            self._slots[slot] = None
+            outcome: Outcome = line.recv()
+        except (EOFError, OSError):
+            self._dismiss(slot)
             return Outcome("failed", DIED)
+        return outcome
 
 
 @contextlib.contextmanager
@@ -114,6 +136,14 @@ def _deaf() -> Iterator[None]:
     finally:
         signal.signal(signal.SIGINT, before)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
+def _work(line: Connection, ear: Connection) -> None:
+    """In the worker: make runs until the line is closed."""
+    _listen(ear)
+    with contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
+        while True:
+            line.send(perform(*line.recv()))
 
 
 def _listen(ear: Connection) -> None:

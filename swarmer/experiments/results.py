@@ -38,7 +38,7 @@ class Results:
     def write(self) -> None:
         """Write the table, whole or not at all. Raises RunFailed."""
         first = [*self._varied, "seed"]
-        rest = dict.fromkeys(name for row in self._ended.values() for name in row if name not in first)
+        rest = [name for name in self._summary_names() if name not in first]
         text = io.StringIO()
         table = csv.writer(text, lineterminator="\n")
         table.writerow([*first, *rest, RUN])
@@ -53,6 +53,12 @@ class Results:
                     [*own, run.config.seed, *(_cell(row.get(name)) for name in rest), run.path.as_posix()]
                 )
         write_text(self.path, text.getvalue())
+
+    def _summary_names(self) -> list[str]:
+        """What the summaries hold, in their order: that of whole ones, for a failed run may have two names alone."""
+        rows = [self._ended[run.path] for run in self._runs if run.path in self._ended]
+        rows.sort(key=lambda row: row.get(STATUS) != "done")
+        return list(dict.fromkeys(name for row in rows for name in row))
 
 
 def flat(summary: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,6 +7,8 @@ directory for each seed.
 from __future__ import annotations
 
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -18,14 +20,17 @@ from swarmer.experiments.experiment import FACTS, Experiment
 from swarmer.experiments.results import RESULTS
 from swarmer.experiments.runs import Run
 from swarmer.observe.files import TEMPORARY, write_text
-from swarmer.observe.run_directory import MANIFEST, SUMMARY, hold, let_go
+from swarmer.observe.run_directory import DISK_FULL, MANIFEST, ROOT, SUMMARY, hold, let_go
 from swarmer.settings import as_yaml
+from swarmer.shapes.catalogue import CATALOGUE, load_shape
 from swarmer.yaml_file import parse
 
 EXPERIMENT = "experiment.yaml"
-OURS = {name + end for name in (EXPERIMENT, RESULTS) for end in ("", TEMPORARY)}
+BEGUN = {EXPERIMENT + TEMPORARY}  # all that is there of a sweep that was killed with its first breath
+HEAD = re.compile(r"# The experiment (.+), by swarmer ")
 CHANGES_SHOWN = 4
 VALUE_LENGTH = 60
+HEAD_LENGTH = 1000
 
 
 class SweepDirectory:
@@ -44,8 +49,11 @@ class SweepDirectory:
         except (NotADirectoryError, FileExistsError):
             raise BadInput("out", str(path), "it is a file; the path of a directory") from None
         except (OSError, ValueError) as error:
-            raise RunFailed(f"cannot make {path}: {getattr(error, 'strerror', None) or error}") from error
-        if names and not names & OURS:
+            reason = getattr(error, "strerror", None) or str(error)
+            if getattr(error, "errno", None) in DISK_FULL:
+                raise RunFailed(f"cannot make {path}: {reason}") from error
+            raise BadInput("out", str(path), f"the path of a directory ({reason})") from None
+        if names - BEGUN and written_name(path / EXPERIMENT) is None:
             allowed = f"it holds other files ({min(names)}); choose a new or empty directory"
             raise BadInput("out", str(path), allowed)
         try:
@@ -66,17 +74,19 @@ class SweepDirectory:
     def finished(self, runs: list[Run]) -> dict[Path, dict[str, Any]]:
         """The summaries of the runs that are there, by the run's path.
 
-        Raises BadInput if one of them has other settings by now: a table has comparable rows or is worthless.
+        Raises BadInput if one of them has other settings by now, or the file of its shape other points: a table has
+        comparable rows or is worthless.
         """
+        hashes: dict[tuple[Any, ...], str] = {}
         there: dict[Path, dict[str, Any]] = {}
         changes: dict[str, int] = {}
         for run in runs:
             if summary := self.summary_of(run):
                 there[run.path] = summary
-                for change in self._changes(run):
+                for change in self._changes(run, hashes):
                     changes[change] = changes.get(change, 0) + 1
         if changes:
-            allowed = f"runs there have other settings: {_some(changes)}; choose another directory with --out"
+            allowed = f"runs there were made otherwise: {_some(changes)}; choose another directory with --out"
             raise BadInput("out", str(self.path), allowed)
         return there
 
@@ -85,12 +95,17 @@ class SweepDirectory:
         summary = _read(self.path / run.path / SUMMARY)
         return summary if summary.get("status") == "done" else None
 
-    def _changes(self, run: Run) -> list[str]:
-        then, now = _read(self.path / run.path / MANIFEST).get("settings"), run.config.unusual()
+    def _changes(self, run: Run, hashes: dict[tuple[Any, ...], str]) -> list[str]:
+        """hashes: of the clouds that were read already; gets those that are read now."""
+        manifest = _read(self.path / run.path / MANIFEST)
+        then, now = manifest.get("settings"), run.config.unusual()
         then = then if isinstance(then, dict) else {}
         if "shape" in now and then.get("shape") == _whole_path(now["shape"]):
             now = now | {"shape": then["shape"]}
         names = sorted(name for name in {*then, *now} if then.get(name) != now.get(name))
+        shape, hashed = run.config.shape, manifest.get("points_sha256")
+        if not names and shape not in CATALOGUE and hashed not in (None, _hash_of(run, hashes)):
+            return [f"{shape} has other points by now"]
         return [
             f"{name} was {then.get(name, 'the default')}, is {now.get(name, 'the default')}" for name in names
         ]
@@ -132,6 +147,34 @@ def _whole_path(shape: str) -> str:
     """A file of points as a run writes down where it is."""
     path = Path(shape)
     return str(path.parent.resolve() / path.name)
+
+
+def _hash_of(run: Run, hashes: dict[tuple[Any, ...], str]) -> str:
+    """The hash of the points that this run would have."""
+    config = run.config
+    key = (config.shape, config.points, config.duplicates, config.seed)
+    if key not in hashes:
+        hashes[key] = load_shape(*key).sha256
+    return hashes[key]
+
+
+def written_name(path: Path) -> str | None:
+    """The name of the experiment in a file that `as_file` made; None for any other file, or none."""
+    try:
+        with path.open(encoding="utf-8") as file:
+            head = HEAD.match(file.readline(HEAD_LENGTH))
+    except (OSError, ValueError):
+        return None
+    return head.group(1) if head else None
+
+
+def home_of(experiment: Experiment, file: Path) -> tuple[Experiment, Path]:
+    """The experiment read from `file`, and the directory that it has unless the user names one.
+
+    A sweep's own file stands for that sweep: its name is in it, its directory is where it lies.
+    """
+    name = written_name(file) if file.name == EXPERIMENT and (file.parent / RESULTS).is_file() else None
+    return (replace(experiment, name=name), file.parent) if name else (experiment, ROOT / experiment.name)
 
 
 def as_file(experiment: Experiment) -> str:

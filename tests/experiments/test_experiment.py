@@ -171,7 +171,10 @@ BAD = {
     "a block against the grid": ("grid: {eta: [2]}\nblocks: [{base: {eta: 3}}]", "block 1: base: eta: stands in grid"),
     "extends nothing": ("base: {extends: papr}", "x.yaml: config: no file"),
     "extends a number": ("base: {extends: 3}", "x.yaml: base: extends: 3 is not a preset's name or a path"),
-    "not yaml": ("grid: [", "x.yaml: line"),
+    "not yaml": ("grid: [", "x.yaml: line 1, column 8: "),
+    "nothing": ("# all to be done\n", "x.yaml: is empty; an experiment has base, grid, seeds, blocks"),
+    "parts with nothing": ("base:\ngrid:\n", "x.yaml: is empty; an experiment has base, grid, seeds, blocks"),
+    "extends an experiment": ("base: {extends: x.yaml}", "x.yaml is an experiment file; `swarmer sweep "),
     "no shape": ("base: {shape: dragn}", "x.yaml: shape: no 'dragn'"),
     "no shape in the grid": ("grid: {shape: [sphere, dragn]}", "x.yaml: with shape=dragn: "),
     "a technique": ("base: {technique: telepathy}", "x.yaml: technique: 'telepathy' is not allowed"),
@@ -189,6 +192,7 @@ def test_a_bad_file_is_refused_on_one_line(case, write, monkeypatch, capsys, tmp
     out = tmp_path / "out"
     said = refused(monkeypatch, capsys, write(text), "--out", out)
     assert line in said
+    assert refused(monkeypatch, capsys, write(text), "--dry-run") == said
     assert not out.exists()
 
 
@@ -217,8 +221,17 @@ def test_a_name_that_nearly_ships_is_told(monkeypatch, capsys):
 def test_very_many_runs_are_made_only_if_wanted(write):
     file = write(SMALL + "grid: {eta: [2, 3]}\nseeds: 5000")
     assert size(read_experiment(str(file))) == 10_000
-    with pytest.raises(BadInput):
-        cli.load("sweep").main([str(file), "--dry-run"], standalone_mode=False)
+    with pytest.raises(BadInput, match="stands for 10,000 runs; more than 3,000 need --yes"):
+        cli.load("sweep").main([str(file)], standalone_mode=False)
+
+
+def test_very_many_runs_are_listed_without_more_ado_and_very_very_many_are_not(write, capsys):
+    file = write(SMALL)
+    cli.load("sweep").main([str(file), "--dry-run", "--seeds", "3001"], standalone_mode=False)
+    assert len(capsys.readouterr().out.splitlines()) == 3001
+    file = write(SMALL + "grid: {eta: [2, 3]}")
+    with pytest.raises(BadInput, match="more than 100,000 need --yes"):
+        cli.load("sweep").main([str(file), "--dry-run", "--seeds", "50001"], standalone_mode=False)
 
 
 def test_a_dry_run_lists_the_runs_and_makes_none(write, monkeypatch, capsys, tmp_path):

@@ -18,7 +18,9 @@ from swarmer.experiments.board import Board
 from swarmer.experiments.experiment import read_experiment
 from swarmer.experiments.one_run import perform
 from swarmer.experiments.pool import DIED, Pool
+from swarmer.experiments.results import Results
 from swarmer.experiments.runs import expand
+from swarmer.experiments.sweep_directory import as_file, home_of
 from swarmer.observe import files
 
 SWEEP = "from swarmer import cli; import sys; sys.argv[0] = 'swarmer'; cli.main()"
@@ -90,7 +92,9 @@ def test_a_sweep_leaves_a_directory_for_each_run_and_one_table(write, tmp_path):
         run = tmp_path / "o" / row["run"]
         summary = json.loads((run / "summary.json").read_text())
         assert float(row["hd_cells"]) == summary["hd_cells"]
-        assert float(row["time_to_hd_s.1"]) == summary["time_to_hd_s"]["1"]
+        for limit, time_s in summary["time_to_hd_s"].items():
+            at = row[f"time_to_hd_s.{limit}"]
+            assert at == "" if time_s is None else float(at) == time_s
         assert row["suggested_time_scale"] == ""
         assert float(row["timer_late_ms.p99"]) == summary["timer_late_ms"]["p99"]
         assert row["faithful"] == "true"
@@ -122,8 +126,9 @@ def test_killed_and_started_again_it_makes_what_is_missing_and_repeats_nothing(w
     workers = children(process.pid)
     assert workers
     process.kill()
-    process.communicate()
+    _, err = process.communicate()
     wait_for(lambda: gone(workers))
+    assert "resource_tracker" not in err
     there = {path: path.stat().st_mtime_ns for path in summaries(out)}
     assert 3 <= len(there) < 12
     assert 0 < len(rows(out)) <= len(there)
@@ -155,8 +160,9 @@ def test_ctrl_c_ends_it_in_good_order(whole_group, write, tmp_path):
         os.killpg(process.pid, signal.SIGINT)
     else:
         process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
+    said, err = process.communicate(timeout=60)
     assert process.returncode == 130
+    assert said == f"{out}\n"
     assert "Traceback" not in err
     assert err.splitlines()[-1] == "interrupted"
     assert "the same command goes on with the rest" in err
@@ -188,12 +194,13 @@ def test_half_runs_and_failed_ones_are_made_anew(write, tmp_path):
 
 def test_a_failed_run_has_a_row_and_ends_with_1_and_is_made_anew(write, tmp_path):
     (tmp_path / "o" / "radio.loss=0" / "seed-2").mkdir(parents=True)
-    (tmp_path / "o" / "experiment.yaml").touch()
+    (tmp_path / "o" / "experiment.yaml").write_text("# The experiment x, by swarmer 0.1.0\n")
     strange = tmp_path / "o" / "radio.loss=0" / "seed-2" / "thesis.tex"
     strange.touch()
     _, err = swept(write(TINY), "--out", "o", cwd=tmp_path, status=1)
     assert "error: 1 of 4 runs failed, the first radio.loss=0/seed-2 (out: " in err
-    assert len(err.splitlines()) == 3  # planned, the failure as it happened, the error
+    lines = [line for line in err.splitlines() if "ETA" not in line]  # how far it is, on a slow machine
+    assert len(lines) == 3  # planned, the failure as it happened, the error
     assert [row["status"] for row in rows(tmp_path / "o")] == ["done", "failed", "done", "done"]
     assert "thesis.tex" in rows(tmp_path / "o")[1]["message"]
     assert strange.exists()
@@ -226,6 +233,26 @@ def test_other_settings_in_the_same_directory_are_refused_by_name(write, tmp_pat
     assert (tmp_path / "o" / "results.csv").read_bytes() == before
 
 
+@pytest.mark.parametrize("seed_too", [False, True], ids=["points", "a mesh"])
+def test_other_points_under_the_same_name_are_refused(seed_too, write, tmp_path, monkeypatch):
+    """Of a mesh every seed has other points, and these are no change."""
+    monkeypatch.chdir(tmp_path)
+    if seed_too:
+        name, more = "mine.off", ", points: 8"
+        text = "OFF\n4 4 0\n0 0 0\n9 0 0\n0 9 0\n0 0 9\n3 0 1 2\n3 0 1 3\n3 0 2 3\n3 1 2 3\n"
+    else:
+        name, more = "mine.xyz", ""
+        text = "".join(f"{at} {at * at % 7} 0\n" for at in range(8))
+    Path(name).write_text(text)
+    file = write(f"base: {{engine: virtual, shape: {name}, duration_s: 0.5{more}}}\nseeds: 2")
+    in_process(file, Path("o"))
+    assert in_process(file, Path("o")).made == 0
+    Path(name).write_text(text.replace("0 0 9\n", "0 0 5\n") if seed_too else text + "3 9 4\n")
+    with pytest.raises(BadInput, match=rf"{name} has other points by now \(runs: 2\); choose another"):
+        in_process(write(file.read_text().replace("seeds: 2", "seeds: 3")), Path("o"))
+    assert len(summaries(Path("o"))) == 2
+
+
 @pytest.mark.parametrize("whole", [False, True], ids=["as named", "as a full path"])
 def test_a_file_of_points_is_the_same_by_its_full_path(whole, write, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -249,9 +276,54 @@ def test_the_experiment_that_is_written_down_is_the_same_experiment(write, tmp_p
 
 
 def test_a_directory_of_someone_else_is_refused(write, tmp_path):
-    for place in (tmp_path, write(TINY)):
+    for place in (tmp_path, write(TINY), Path("/proc/x")):
         with pytest.raises(BadInput, match="out: "):
             in_process(write(TINY), place)
+
+
+@pytest.mark.parametrize("name", ["results.csv", "experiment.yaml"])
+def test_a_file_of_someone_else_that_is_called_like_ours_is_not_overwritten(name, write, tmp_path):
+    (tmp_path / "o").mkdir()
+    (tmp_path / "o" / name).write_text("mine\n")
+    with pytest.raises(BadInput, match=rf"it holds other files \({name}\)"):
+        in_process(write(TINY), tmp_path / "o")
+    assert (tmp_path / "o" / name).read_text() == "mine\n"
+
+
+def test_a_sweep_that_was_killed_with_its_first_breath_is_taken_up(write, tmp_path):
+    (tmp_path / "o").mkdir()
+    (tmp_path / "o" / "experiment.yaml.tmp").touch()
+    assert in_process(write(TINY), tmp_path / "o").made == 4
+
+
+def test_the_file_of_a_sweep_stands_for_that_sweep(write, tmp_path):
+    in_process(write(TINY, "mine.yaml"), tmp_path / "runs" / "o")
+    out, err = swept("runs/o/experiment.yaml", "--seeds", "3", cwd=tmp_path)
+    assert "mine: 6 runs, 4 of them finished already" in err
+    assert out.splitlines()[-1] == "runs/o"
+    assert (tmp_path / "runs" / "o" / "experiment.yaml").read_text().startswith("# The experiment mine, ")
+
+
+def test_a_copy_of_a_sweeps_file_stands_for_itself(write, tmp_path):
+    copy = write(as_file(read_experiment(str(write(TINY, "mine.yaml")))), "experiment.yaml")
+    experiment = read_experiment(str(copy))
+    assert home_of(experiment, copy) == (experiment, Path("runs/experiment"))
+    (tmp_path / "results.csv").touch()
+    assert home_of(experiment, copy)[0].name == "mine"
+    assert home_of(experiment, copy)[1] == tmp_path
+    assert home_of(experiment, write(copy.read_text(), "other.yaml"))[1] == Path("runs/experiment")
+
+
+@pytest.mark.parametrize("failed", [0, 2])
+def test_the_columns_are_the_same_whichever_run_failed(failed, write, tmp_path):
+    runs = expand(read_experiment(str(write(TINY))))
+    results = Results(tmp_path / "results.csv", runs, ["radio.loss"])
+    for number, run in enumerate(runs):
+        whole = {"format": 1, "status": "done", "message": None, "thaws": 2}
+        results.add(run, None if number == failed else whole, DIED)
+    results.write()
+    assert list(rows(tmp_path)[0]) == ["radio.loss", "seed", "format", "status", "message", "thaws", "run"]
+    assert rows(tmp_path)[failed]["message"] == DIED
 
 
 def test_two_sweeps_do_not_share_a_directory(write, tmp_path):
@@ -271,8 +343,7 @@ def test_a_worker_that_is_killed_takes_one_run_with_it(write, tmp_path):
     def kill_one():
         """As soon as the first run is under way."""
         if not killed and (tmp_path / runs[0].path / "manifest.json").exists():
-            worker = pool._slots[0]
-            killed.extend(worker._processes)
+            killed.append(pool._slots[0].process.pid)
             os.kill(killed[0], signal.SIGKILL)
 
     with Pool(2, tmp_path) as pool:
@@ -287,10 +358,9 @@ def test_a_worker_that_dies_between_two_runs_is_replaced(write, tmp_path):
     runs = expand(read_experiment(str(write(TINY))))
     with Pool(1, tmp_path) as pool:
         first = list(pool.outcomes(runs[:1], lambda run: None, lambda: None))
-        (worker,) = pool._slots[0]._processes
-        os.kill(worker, signal.SIGKILL)
-        wait_for(lambda: gone([worker]))
-        wait_for(lambda: pool._slots[0]._broken)
+        worker = pool._slots[0].process
+        worker.kill()
+        wait_for(lambda: not worker.is_alive())
         second = list(pool.outcomes(runs[1:2], lambda run: None, lambda: None))
     assert [outcome.status for _, outcome in first + second] == ["done", "done"]
 
