@@ -20,7 +20,7 @@ from swarmer.errors import RunFailed
 from swarmer.faults import Fault, Schedule
 from swarmer.fls import BaseFls
 from swarmer.messages import MAX_SIZE, SIZE
-from swarmer.metrics.swarms import swarm_statistics
+from swarmer.observe.progress import Progress
 from swarmer.plan import make_machine, make_plan
 from swarmer.state_machine import State, StateMachine
 
@@ -225,8 +225,10 @@ def test_a_successor_is_no_member_of_the_swarm_that_its_predecessor_began():
     assert alone, "lit, and in a swarm of its own"
     for one in alone:
         assert (one.swarm == 1).all()
-        assert swarm_statistics(one.swarm, one.lit, one.swarm_incarnation).number == 2
-    assert watcher.progress.single_swarm_count == 2
+        progress = Progress.of(plan.cloud.points)
+        progress.update(one)
+        assert progress.swarms.number == 2
+        assert progress.first_single_swarm_s is None
 
 
 def test_without_replacement_the_display_goes_dark_one_by_one():
