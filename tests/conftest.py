@@ -14,5 +14,5 @@ def pytest_addoption(parser):
     parser.addoption(
         "--rewrite-scenarios",
         action="store_true",
-        help="write into tests/scenarios what the scenarios give now, instead of comparing",
+        help="write into tests/scenarios and docs/explain.md what scenarios and commands give now, not comparing",
     )

@@ -99,6 +99,13 @@ def test_what_cannot_be_repeated_is_refused(run, changes, line):
         run_again(run)
 
 
+def test_a_manifest_of_another_format_is_refused(run):
+    for version in (2, None):
+        spoil(run / "manifest.json", format=version)
+        with pytest.raises(BadInput, match=f"manifest.json of format 1; this one's is {version}"):
+            run_again(run)
+
+
 def test_a_run_without_a_summary_is_refused(run):
     (run / "summary.json").unlink()
     with pytest.raises(BadInput, match="no summary"):

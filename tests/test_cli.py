@@ -241,3 +241,19 @@ def test_interrupted_says_so_and_ends_with_130():
 def test_a_shell_can_complete():
     done = swarmer(env={**os.environ, "_SWARMER_COMPLETE": "bash_source"})
     assert "complete" in done.stdout
+
+
+def test_the_end_of_a_command_does_not_search_through_what_is_left():
+    """After a run whose FLSs were given far too much that took seconds, in which the command seemed to hang."""
+    code = (
+        "class Left:\n"
+        "    def __init__(self): self.me = self\n"
+        "    def __del__(self): print('searched')\n"
+        "import gc, sys; gc.disable(); Left()\n"
+        "from swarmer import cli; sys.argv[:] = ['swarmer', '--version']; {}\n"
+    )
+    for call, told in (("cli.main()", False), ("pass", True)):
+        done = subprocess.run(
+            [sys.executable, "-c", code.format(call)], capture_output=True, text=True, timeout=60, check=True
+        )
+        assert ("searched" in done.stdout) == told

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from swarmer.cli import COMMANDS, load
 from swarmer.config import setting_facts
 from swarmer.engines.result import RunResult
 from swarmer.observe.progress import Progress
@@ -87,6 +88,22 @@ def test_the_readme_says_what_is_not_there():
     for setting in setting_facts():
         for word in setting.later:
             assert f"`{word}`" in missing, f"{setting.name}: {word} is not in this version: README says so"
+
+
+def test_the_readme_does_not_miss_what_is_there():
+    text = (ROOT / "README.md").read_text("utf-8")
+    not_yet = text[text.index("- **Not yet**") : text.index("## More")]
+    options = {option for name in COMMANDS for one in load(name).params for option in one.opts}
+    named = set(re.findall(r"`([\w-]+)`", not_yet))
+    assert len(named) >= 3
+    assert not named & ({*COMMANDS} | options)
+
+
+def test_the_page_on_reading_a_run_says_what_is_unfaithful_with_either_engine():
+    page = (DOCS / "reading-a-run.md").read_text("utf-8")
+    trusted = " ".join(page[page.index("## First") : page.index("## Then")].split())
+    assert "the machine was too slow" in trusted
+    assert "FLSs themselves were given more than they could handle" in trusted
 
 
 def test_every_name_of_the_summary_is_explained():

@@ -1,10 +1,15 @@
 """`swarmer explain`: from a symptom to its cause, in the words of docs/explain.md; and what it refuses."""
 
+import errno
 import gzip
 import json
+import os
 import re
+import shlex
 import shutil
 import signal
+import subprocess
+import sys
 import zlib
 from collections import Counter
 from pathlib import Path
@@ -19,6 +24,7 @@ from swarmer.observe.scenario import COMMANDS, first_difference, parse
 from swarmer.observe.stage import play
 
 SCENARIOS = Path(__file__).parent / "scenarios"
+PAGE = Path(__file__).parents[1] / "docs" / "explain.md"
 ID = re.compile(r"\[(\d+\.\d+#\d+)\]")
 
 
@@ -195,8 +201,20 @@ def test_a_whole_file_that_is_not_whole_is_told(run, spoil):
     else:
         rewrite(run, [json.dumps(record) + "\n" for record in records(run)][:-1] + ['{"t":'])
     done = run_command("explain", run, "--fls", 17, "--from", 0)
-    assert "this is what is whole" in done.stderr
+    assert ("trace.jsonl.gz is damaged; what is told may lack lines" in done.stderr) == (spoil == "changed")
+    assert ("this is what is whole" in done.stderr) == (spoil != "changed")
     assert len(done.stdout.splitlines()) > 10
+
+
+def test_one_byte_that_is_not_what_it_was_is_told(run):
+    path = run / "trace.jsonl.gz"
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0x10
+    path.write_bytes(bytes(data))
+    for options in ([], ["--fls", 17], ["--message", "3.0#1"], ["--from", 0]):
+        told = run_command("explain", run, *options).stderr
+        assert "trace.jsonl.gz is damaged" in told
+        assert "the run ended before" not in told
 
 
 def test_a_damaged_log_loses_what_is_damaged(run):
@@ -210,10 +228,56 @@ def test_a_damaged_log_loses_what_is_damaged(run):
         '{"t":1e999,"fid":17,"is":"ended","how":"x"}\n',
         '{"t":0,"fid":17,"is":"ended","how":"\\u001b[31m"}\n', "[" * 5000 + "\n",
     ]  # fmt: skip
+    strange += ['{"t":0,"fid":1,"is":"born"}\n', '{"t":0,"fid":1,"is":"made"\n', lines[0]]
     rewrite(run, [lines[0], *strange, *lines[1:]])
-    assert explain(run, "--fls", 17, "--from", 0, "--all") == whole
-    assert explain(run)
-    assert explain(run, "--fls", 17)
+    note = f"note: {len(strange)} lines of trace.jsonl.gz cannot be read and are left out\n"
+    done = run_command("explain", run, "--fls", 17, "--from", 0, "--all")
+    assert (done.stdout.splitlines(), done.stderr) == (whole, note)
+    for options in ([], ["--fls", 17], ["--from", 0, "--json"]):
+        done = run_command("explain", run, *options)
+        assert done.stdout
+        assert done.stderr == note, options
+    assert "cannot be read" in run_command("explain", run, "--message", "3.0#1").stderr
+    rewrite(run, [*lines, '{"t":0,"fid":31,"is":"ended","how":"failed"}\n'])
+    assert "note: 1 line of trace.jsonl.gz" in run_command("explain", run).stderr, "there is no FLS 31"
+    rewrite(run, [*lines[:5], "[1]\n", *lines[5:]])
+    assert (
+        "note: 1 line of trace.jsonl.gz cannot be read and is left out" in run_command("explain", run).stderr
+    )
+
+
+def test_what_cannot_be_opened_is_told_in_the_words_of_the_system(run, monkeypatch):
+    path = run / "trace.jsonl.gz"
+    path.unlink()
+    path.mkdir()
+    with pytest.raises(BadInput, match=r"its trace.jsonl.gz: Is a directory"):
+        explain(run)
+    path.rmdir()
+    os.mkfifo(path)  # and nobody ever writes into it
+    with pytest.raises(BadInput, match=r"its trace.jsonl.gz: not a file"):
+        explain(run)
+    path.unlink()
+    path.write_bytes(b"")
+
+    def refused(*_):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    monkeypatch.setattr(Path, "open", refused)  # for root, no mode of a file would do it
+    with pytest.raises(BadInput, match=r"its trace.jsonl.gz: Permission denied"):
+        explain(run)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"points": -3}, {"points": 0}, {"points": "30"}, {"points": True}, {"seed": -1}, {"fids": [0]}, {"fids": [31]},
+     {"fids": "ab"}],
+    ids=str,
+)  # fmt: skip
+def test_a_header_that_cannot_be_is_refused(run, changes):
+    header, *rest = records(run)
+    rewrite(run, [header | changes, *rest])
+    with pytest.raises(BadInput, match=r"an event log that can be read; its trace.jsonl.gz is none"):
+        explain(run)
 
 
 def test_markup_in_a_path_is_text(made, tmp_path):
@@ -246,8 +310,12 @@ def test_what_cannot_be_told_is_refused(made, options, line):
 
 
 @pytest.mark.parametrize(
-    "options", [["--message", "3.0#1", "--fls", "3"], ["--message", "3.0#1", "--to", "3"], ["--from", "x"]]
-)
+    "options",
+    [
+        ["--message", "3.0#1", "--fls", "3"], ["--message", "3.0#1", "--to", "3"], ["--from", "x"],
+        ["--all"], ["--all", "--fls", "3"], ["--all", "--message", "3.0#1"], ["--all", "--from", "1", "--json"],
+    ],
+)  # fmt: skip
 def test_options_that_do_not_go_together(made, options):
     with pytest.raises(click.UsageError):
         explain(made, *options)
@@ -327,14 +395,23 @@ def test_a_scenario_is_played(tmp_path):
     other.write_text(text.replace("tick 1", "tock 1"))
     with pytest.raises(BadInput, match=r"scenario: other.txt, line 5, column 1: no command 'tock'"):
         explain("--scenario", other)
-    with pytest.raises(click.UsageError):
-        explain("--scenario", other, tmp_path)
+    for more in (
+        [tmp_path],
+        ["--fls", 3],
+        ["--json"],
+        ["--all"],
+        ["--from", 0],
+        ["--to", 0],
+        ["--message", "1.0#1"],
+    ):
+        with pytest.raises(click.UsageError, match="played alone"):
+            explain("--scenario", path, *more)
     with pytest.raises(click.UsageError, match="whose story"):
         explain()
 
 
 def test_the_page_names_every_option_and_every_command_of_a_scenario():
-    page = (Path(__file__).parents[1] / "docs" / "explain.md").read_text("utf-8")
+    page = PAGE.read_text("utf-8")
     for parameter in load("explain").params:
         for option in parameter.opts:
             assert option in page or option in ("run", "--help", "-h", "--version"), option
@@ -343,7 +420,35 @@ def test_the_page_names_every_option_and_every_command_of_a_scenario():
 
 
 def test_the_scenario_on_the_page_is_one_and_gives_what_it_says():
-    page = (Path(__file__).parents[1] / "docs" / "explain.md").read_text("utf-8")
+    page = PAGE.read_text("utf-8")
     (text,) = re.findall(r"```text\n(# Rule.*?)```", page, re.DOTALL)
     scenario = parse(text, "page")
     assert not first_difference(scenario, play(scenario))
+
+
+def test_the_example_on_the_page_is_what_its_commands_print(tmp_path, request):
+    """`pytest --rewrite-scenarios` writes down what comes instead; then read whether the text between still says it."""
+    page = PAGE.read_text("utf-8")
+    (run,) = re.findall(r"^    (swarmer-run .*)$", page, re.MULTILINE)
+    shown = re.compile(r"^(    (swarmer explain .*)\n\n```text\n)[^`]*```$", re.MULTILINE)
+    script = "from swarmer import cli; import sys; sys.argv[:] = sys.argv[1:]; getattr(cli, {!r})()"
+    shell = "".join(
+        f'{name}() {{ {shlex.quote(sys.executable)} -c {shlex.quote(script.format(main))} {name} "$@"; }}\n'
+        for name, main in (("swarmer", "main"), ("swarmer_run", "main_run"))
+    )
+
+    def printed(command):
+        command = command.replace("swarmer-run", "swarmer_run")  # no name of a function of every shell
+        done = subprocess.run(
+            ["sh", "-c", shell + command], cwd=tmp_path, capture_output=True, text=True, timeout=60
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    assert printed(run + " --no-recording").strip() == "runs/traced"
+    assert len(shown.findall(page)) == 3
+    now = shown.sub(lambda found: f"{found[1]}{printed(found[2])}```", page)
+    if request.config.getoption("--rewrite-scenarios"):
+        PAGE.write_text(now, encoding="utf-8")
+    else:
+        assert now == page

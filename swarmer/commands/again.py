@@ -76,6 +76,7 @@ def _libraries(manifest: dict[str, Any]) -> dict[str, Any]:
 
 
 def _refuse_what_cannot_repeat(saved: SavedRun) -> None:
+    from swarmer.observe.run_directory import MANIFEST_FORMAT
     from swarmer.observe.summary import FORMAT
 
     summary, path = saved.summary, str(saved.path)
@@ -83,6 +84,10 @@ def _refuse_what_cannot_repeat(saved: SavedRun) -> None:
         raise BadInput("run", path, "a run that ended: this one has no summary.json that can be read")
     if (version := summary.get("format")) != FORMAT:
         raise BadInput("run", path, f"a run of format {FORMAT}; this one's is {version or 'not known'}")
+    if saved.manifest and (version := saved.manifest.get("format")) != MANIFEST_FORMAT:
+        raise BadInput(
+            "run", path, f"a manifest.json of format {MANIFEST_FORMAT}; this one's is {shown(version)}"
+        )
     if summary.get("engine") != VIRTUAL:
         raise BadInput(
             "run",

@@ -37,7 +37,7 @@ class Window(NamedTuple):
     "--all",
     "everything",
     is_flag=True,
-    help="Also what had no effect: ticks that were skipped, datagrams that were only noted.",
+    help="With --from or --to: also what had no effect, as ticks that were skipped, datagrams that were only noted.",
 )
 @click.option(
     "--json", "as_json", is_flag=True, help="The records of the log themselves, one JSON object a line."
@@ -65,12 +65,16 @@ def command(
     from cause to effect. With --fls alone, the FLS's life in numbers; with no option, all datagrams by kind.
     """
     if scenario is not None:
-        if run is not None:
-            raise click.UsageError("--scenario FILE needs no RUN")
+        if everything or as_json or any(one is not None for one in (run, fids, from_s, to_s, message)):
+            raise click.UsageError("--scenario FILE is played alone: it needs no RUN, and no other option")
         play_scenario(scenario)
         return
     if run is None:
         raise click.UsageError("whose story? give RUN, the directory of a run made with --trace")
+    if everything and (message is not None or as_json or from_s is to_s is None):
+        raise click.UsageError(
+            "--all is of a story, --from S or --to S; without it, nothing would be left out"
+        )
     from swarmer.observe.trace_file import TraceFile
 
     window = window_of(from_s, to_s)
@@ -84,14 +88,14 @@ def command(
         lines = (json.dumps(record) for record in records)
     elif message is not None:
         lines = tell_message(trace, records, message)
-    elif from_s is None and to_s is None and not everything:
+    elif from_s is None and to_s is None:
         lines = tell_lives(records, chosen) if chosen else tell_overview(trace)
     else:
         lines = tell_story(trace, records, everything)
     for line in lines:
         click.echo(line)
-    if trace.cut:
-        click.echo("note: the run ended before its event log was closed; this is what is whole", err=True)
+    for note in trace.notes():
+        click.echo(f"note: {note}", err=True)
 
 
 def play_scenario(path: Path) -> None:

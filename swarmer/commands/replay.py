@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from click.core import ParameterSource
 
 if TYPE_CHECKING:
     from swarmer.observe.saved_run import SavedRun
@@ -34,7 +35,10 @@ if TYPE_CHECKING:
     show_default=True,
     help="With --web: of the page, or the next free one.",
 )
-def command(run: Path, again: bool, web: bool, terminal: bool, speed: float, port: int) -> None:
+@click.pass_context
+def command(
+    context: click.Context, run: Path, again: bool, web: bool, terminal: bool, speed: float, port: int
+) -> None:
     """Play a recorded run: in rerun's desktop viewer, or as the options say.
 
     A recording that was cut short is played as far as it is whole. --again plays nothing: it proves that a run of the
@@ -44,6 +48,9 @@ def command(run: Path, again: bool, web: bool, terminal: bool, speed: float, por
 
     if web + terminal + again > 1:
         raise click.UsageError("--web and --terminal are two ways to watch, --again runs anew; choose one")
+    for name, wanted, chosen in (("speed", "terminal", terminal), ("port", "web", web)):
+        if not chosen and context.get_parameter_source(name) is not ParameterSource.DEFAULT:
+            raise click.UsageError(f"--{name} is of --{wanted}, which was not asked for")
     if again:
         from swarmer.commands.again import run_again
 

@@ -87,7 +87,8 @@ def carry_out(experiment: Experiment, runs: list[Run], out: Path, jobs: int) -> 
     for line in lines_of(out / RESULTS):
         click.echo(line)
     if late := unfaithful(out / RESULTS):
-        click.echo(f"note: {late} runs are not faithful: this machine was too slow for them", err=True)
+        why = "this machine was too slow for them, or in virtual time the FLSs were"
+        click.echo(f"note: {late} runs are not faithful: {why}", err=True)
     click.echo(str(out))
     tell(ended, out)
 

@@ -27,6 +27,7 @@ from swarmer.engines.specs import setup
 from swarmer.engines.thaws import Sight, ThawsInHindsight, ThawTally, ThawWatch
 from swarmer.errors import BadInput, RunFailed
 from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Kind, Message, Stamp, To, encode
+from swarmer.metrics.swarms import swarm_names
 from swarmer.physics.flight import Velocity
 from swarmer.protocol.events import Count
 from swarmer.telemetry import Clock, Life, Phase, Reader, Sample, SharedMemory, Wire
@@ -340,7 +341,7 @@ class _Run:
         )
         return Snapshot(
             sample.t_s, sample.position, sample.swarm, sample.state, sample.lit & alive, alive,
-            self._counters(sample), live,
+            self._counters(sample), live, sample.swarm_incarnation,
         )  # fmt: skip
 
     def _counters(self, sample: Sample) -> dict[str, float]:
@@ -369,7 +370,8 @@ class _Run:
 
     def _watch_thaws(self, sample: Sample) -> None:
         started = int(sample.counters[Count.THAWS_STARTED])
-        sight = Sight(sample.t_s, sample.lit, sample.swarm, sample.epoch, started)
+        names = swarm_names(sample.swarm, sample.swarm_incarnation)
+        sight = Sight(sample.t_s, sample.lit, names, sample.epoch, started)
         if order := self.thaws.order(sight):
             self.begun.ordered(sample.t_s, order)
             self._broadcast(Kind.THAW, order.epoch)

@@ -31,6 +31,9 @@ class Snapshot(NamedTuple):
     alive: NDArray[np.bool_]  # (F,), False between a failure and its replacement
     counters: dict[str, float]  # totals since time 0, by their name in the summary
     live: Live
+    swarm_incarnation: NDArray[np.int32] | None = (
+        None  # (F,), of the Swarm-ID's owner; None: 0, nobody was replaced
+    )
 
 
 class Lateness(NamedTuple):

@@ -20,7 +20,7 @@ class Sight(NamedTuple):
 
     t_s: float
     lit: NDArray[np.bool_]
-    swarm: NDArray[np.int32]
+    swarm: NDArray[np.int64]  # as `metrics.swarms.swarm_names` has them
     epoch: NDArray[np.int64]
     started: int  # thaws that FLSs began themselves, all together
 

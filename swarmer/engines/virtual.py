@@ -33,13 +33,16 @@ from swarmer.errors import RunFailed
 from swarmer.faults import NO_FAULTS, Schedule
 from swarmer.fls import LANDING, NEVER
 from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Kind, Message, Stamp, To
-from swarmer.metrics.lateness import BUCKETS, percentiles
+from swarmer.metrics.lateness import BUCKETS, bucket, percentiles
+from swarmer.metrics.swarms import swarm_names
 from swarmer.protocol.events import Count, ThawBegins
 from swarmer.streams import stream
 from swarmer.telemetry import COUNTERS
 
 if TYPE_CHECKING:
     from types import FrameType
+
+    from numpy.typing import NDArray
 
     from swarmer.fls import FlsSpec
     from swarmer.plan import Plan
@@ -224,7 +227,7 @@ class _Run:
             if not arrivals:
                 return
             at = arrivals[-1][0]
-            if at >= heap[0][0]:
+            if at > heap[0][0]:  # what was put down for the same moment came later
                 agenda.put(at, GROUP, None, arrivals, datagram)
                 return
 
@@ -290,7 +293,15 @@ class _Run:
             live=Live(
                 now / wall if wall > 0 else None, *late, 1, None, faithful(*late, self.config.lease_ms)
             ),
+            swarm_incarnation=self._swarm_incarnation(),
         )
+
+    def _swarm_incarnation(self) -> NDArray[np.int32] | None:
+        """Of the owner of each FLS's swarm; None while nobody has been replaced."""
+        if not self.ends["replaced"]:
+            return None
+        owners = (fls.ears.swarm.incarnation for fls in self.flss)
+        return np.fromiter(owners, np.int32, len(self.flss))
 
     def _counters(self) -> dict[str, float]:
         """By the names that the process engine has."""
@@ -326,7 +337,8 @@ class _Run:
             return
         epoch = np.fromiter(map(_epoch, self.flss), np.int64, len(self.flss))
         started = self.shared.counts[Count.THAWS_STARTED]
-        sight = Sight(self.agenda.now, (swarm != 0)[alive], swarm[alive], epoch[alive], started)
+        names = swarm_names(swarm, self._swarm_incarnation())
+        sight = Sight(self.agenda.now, (swarm != 0)[alive], names[alive], epoch[alive], started)
         if order := self.thaws.order(sight):
             self.begun.ordered(sight.t_s, order)
             message = Message(Kind.THAW, ENGINE_FID, 0, order.epoch, NO_SWARM, 0, ZERO, To.ALL)
@@ -344,6 +356,7 @@ class _Run:
             result.wall_s = time.monotonic() - self._went_wall
         result.counters = self._counters()
         result.processes = 1
+        self._count_what_waits()
         late = result.timer_late_ms, result.handled_late_ms = self._lateness()
         result.faithful = faithful(*late, self.config.lease_ms)
         if result.wall_s > 0:
@@ -352,6 +365,17 @@ class _Run:
         result.extra = {"events": self.trace.events(), "trace_sha256": self.trace.sha256()}
         for witness in self.witnesses:
             result.extra |= witness.summary()
+
+    def _count_what_waits(self) -> None:
+        """What nobody took up by the end is late, too, as far as the run went: or a hopeless one would look well."""
+        now, shared = self.agenda.now, self.shared
+        for fls in self.flss:
+            for queue in fls.queues if fls.alive else ():
+                for since, _, _ in queue:
+                    shared.handled_late[bucket((now - since) * 1e3)] += 1
+            for due_s in fls.due:
+                if due_s < now:
+                    shared.timer_late[bucket((now - due_s) * 1e3)] += 1
 
 
 @contextlib.contextmanager

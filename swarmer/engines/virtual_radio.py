@@ -152,14 +152,16 @@ class Air:
         """One entry for all, latest first: the loop takes them off the end, each at its own moment."""
         count, first, span = len(receivers), self.agenda.now + self._lowest, self._span
         if count > MANY:
-            draws = next_draws(latency, count)
-            order = np.argsort(draws, kind="stable")[::-1]
-            moments = first + span * draws[order]
-            arrivals = list(zip(moments.tolist(), map(receivers.__getitem__, order.tolist()), strict=True))
+            moments = first + span * next_draws(latency, count)
+            order = np.argsort(moments, kind="stable")[::-1]
+            arrivals = list(
+                zip(moments[order].tolist(), map(receivers.__getitem__, order.tolist()), strict=True)
+            )
         elif receivers:
             draw = latency.random
             arrivals = [(first + span * draw(), fls) for fls in receivers]
-            arrivals.sort(key=_moment, reverse=True)
+            arrivals.sort(key=_moment)
+            arrivals.reverse()  # of equal moments the lower FID is taken off first, as above
         else:
             return
         self.agenda.put(arrivals[-1][0], GROUP, None, arrivals, (message, stamp, self.tunings))

@@ -116,7 +116,7 @@ def lines_of(path: Path, columns: Iterable[Column] = COLUMNS) -> list[str]:
 
 
 def unfaithful(path: Path) -> int:
-    """In how many finished runs the machine was too slow to be believed. Raises OSError, ValueError."""
+    """In how many finished runs the machine, or each FLS, was too slow to be believed. Raises OSError, ValueError."""
     _, rows = read_results(path)
     return sum(row.get(STATUS) == "done" and row.get("faithful") == "false" for row in rows)
 

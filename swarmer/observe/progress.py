@@ -81,7 +81,7 @@ class Progress:
 
     def _update_swarms(self, snapshot: Snapshot) -> None:
         was_single = self.swarms.single
-        self.swarms = swarm_statistics(snapshot.swarm, snapshot.lit)
+        self.swarms = swarm_statistics(snapshot.swarm, snapshot.lit, snapshot.swarm_incarnation)
         if self.swarms.single and not was_single:
             self.single_swarm_count += 1
             if self.first_single_swarm_s is None:

@@ -42,6 +42,7 @@ CONFIG, MANIFEST, SUMMARY, EVENTS, LOG = (
     "log.txt",
 )
 RECORDING, TIMELINE, REPORT, TRACE = "recording.rrd", "timeline.npz", "report.html", "trace.jsonl.gz"
+MANIFEST_FORMAT = 1
 FILES = (CONFIG, MANIFEST, SUMMARY, EVENTS, LOG, RECORDING, TIMELINE, REPORT, TRACE)
 DISK_FULL = {errno.ENOSPC, errno.EDQUOT}
 EVENT_COLUMNS = ("t_s", "kind", "fid", "text")
@@ -249,7 +250,7 @@ def hold(path: Path) -> int | None:
 
 def _manifest(shape: str, seed: int, command: Sequence[str]) -> dict[str, Any]:
     return {
-        "format": 1,
+        "format": MANIFEST_FORMAT,
         "shape": shape,
         "seed": seed,
         "command": shlex.join(command),

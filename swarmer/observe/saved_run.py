@@ -131,6 +131,8 @@ def _read(run: SavedRun, name: str, reader: Callable[[Path], Any]) -> Any:
     if path.name.endswith(PARTIAL):
         run.missing.append(f"{name}: cut, the run ended before it was closed")
     try:
+        if not (path.is_file() or path.is_dir()):
+            raise ValueError("no file")  # a pipe would be waited for
         return reader(path)
     except BROKEN as error:
         reason = " ".join(str(error).split())[:100] or type(error).__name__

@@ -124,8 +124,9 @@ def parse(text: str, name: str) -> Scenario:
     for words in commands:
         if words[0].text not in SILENT:
             words[0].refuse(f"what must come of it? a line {RULE} and the answer are missing")
-    if commands and not blocks:
-        commands[0][0].refuse("nothing happens: no command gives anything")
+    if not blocks:
+        first = commands[0][0] if commands else Word("", name, 1, 1)
+        first.refuse("nothing happens: no command gives anything")
     return Scenario(name, lines, tuple(blocks))
 
 

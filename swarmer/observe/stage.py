@@ -28,7 +28,7 @@ from swarmer.observe.protocol_words import (
     swarm_name,
 )
 from swarmer.observe.scenario import COMMANDS, Scenario, Word
-from swarmer.observe.stage_entrances import APART, ENTRANCES, measured
+from swarmer.observe.stage_entrances import APART, ENTRANCES, OWING, measured
 from swarmer.observe.story import fate_words
 from swarmer.plan import find_technique, make_machine, make_rules
 from swarmer.protocol import race
@@ -154,16 +154,24 @@ class Stage:
         if not fids or not rest:
             command.refuse(f"given {COMMANDS['given']}")
         state, *options = rest
-        for fid in fids:
+        for word, fid in zip(words, fids, strict=False):
+            if fid in self.actors:
+                word.refuse(f"FLS {fid} is there already")
             self._place(fid, state, options)
 
     def _place(self, fid: int, state: Word, options: list[Word]) -> None:
-        said = {word.text.partition("=")[0]: word for word in options}
-        for name, word in said.items():
+        said: dict[str, Word] = {}
+        for word in options:
+            name = word.text.partition("=")[0]
             if name not in OPTIONS:
                 word.refuse(f"given {COMMANDS['given']}")
+            if name in said:
+                word.refuse(f"{name} is said twice")
+            said[name] = word
         if state.text not in ENTRANCES:
             state.refuse(f"no state {shown(state.text)}; there are {', '.join(ENTRANCES)}")
+        if "with" in said and state.text not in OWING:
+            said["with"].refuse(f"{state.text} is owed to nobody: `with` is of {', '.join(sorted(OWING))}")
         least = {"xi": 1, "epoch": 0, "incarnation": 0}
         number = {name: said[name].value().number(low) for name, low in least.items() if name in said}
         several = {

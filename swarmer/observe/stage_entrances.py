@@ -79,6 +79,12 @@ def _waiting(flags: int) -> Entrance:
     return events
 
 
+OWING = {
+    "BusyAnchor",
+    "BusyLocalizing",
+    "Waiting(a)",
+    "Waiting(l)",
+}  # states that FLSs have because of others
 ENTRANCES: dict[str, Entrance] = {
     "Deploying": lambda m, xi, partners: [Launch(ZERO)],
     "Available": _lit,

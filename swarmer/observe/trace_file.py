@@ -8,7 +8,7 @@ import re
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 from swarmer.errors import BadInput
 from swarmer.observe.files import PARTIAL
@@ -35,7 +35,7 @@ class Header(NamedTuple):
 
 
 class TraceFile:
-    """The event log of a run directory. Iterating it gives the lines; afterwards `cut` says if any are missing."""
+    """The event log of a run directory. What is not whole shows once it has been read: see `notes`."""
 
     def __init__(self, run: Path) -> None:
         """Raises BadInput for a directory without an event log that can be read."""
@@ -46,11 +46,15 @@ class TraceFile:
                 "run", str(run), "it has no event log; `swarmer-run --engine virtual --trace` writes one"
             )
         self.run, self.path = run, path
-        self.cut = path.name.endswith(PARTIAL)
+        self.cut = path.name.endswith(PARTIAL)  # the run ended before it was closed
+        self.damaged = False  # nothing can be read from some place on
+        self.strange = 0  # lines that are no records
         self.header = self._read_header()
 
     def _read_header(self) -> Header:
         try:
+            if self.path.exists() and not (self.path.is_file() or self.path.is_dir()):
+                raise OSError(0, "not a file")  # a pipe would be waited for
             first = json.loads(next(iter(self.lines()), b""))
             version = first["swarmer_trace"]
             if version != FORMAT:
@@ -58,14 +62,34 @@ class TraceFile:
                     "run", str(self.run), f"an event log of format {FORMAT}; this one's is {version}"
                 )
             fids = first["fids"]
-            return Header(
-                str(first["shape"]), int(first["points"]), int(first["seed"]), str(first["swarmer"]),
-                None if fids is None else frozenset(map(int, fids)),
+            header = Header(
+                str(first["shape"]), _whole(first["points"], 1), _whole(first["seed"], 0), str(first["swarmer"]),
+                None if fids is None else frozenset(_whole(fid, 1) for fid in fids),
             )  # fmt: skip
-        except (OSError, ValueError, KeyError, TypeError, RecursionError):
-            raise BadInput(
-                "run", str(self.run), f"an event log that can be read; its {self.path.name} is none"
-            ) from None
+            if header.fids and max(header.fids) > header.points:
+                raise ValueError("a log of an FLS that the run does not have")
+            return header
+        except OSError as error:
+            raise self._unreadable(f"its {self.path.name}: {error.strerror}") from None
+        except (ValueError, KeyError, TypeError, RecursionError):
+            raise self._unreadable(f"its {self.path.name} is none") from None
+
+    def _unreadable(self, why: str) -> BadInput:
+        return BadInput("run", str(self.run), f"an event log that can be read; {why}")
+
+    def notes(self) -> list[str]:
+        """What of the log was not whole, as far as it has been read: a line each."""
+        notes = []
+        if self.strange:
+            lines = f"{self.strange:,} line{'s' * (self.strange > 1)}"
+            notes.append(
+                f"{lines} of {self.path.name} cannot be read and {'are' if self.strange > 1 else 'is'} left out"
+            )
+        if self.damaged:
+            notes.append(f"{self.path.name} is damaged; what is told may lack lines, or have wrong ones")
+        elif self.cut:
+            notes.append("the run ended before its event log was closed; this is what is whole")
+        return notes
 
     def lines(self) -> Iterator[bytes]:
         """Every whole line, in order."""
@@ -74,7 +98,7 @@ class TraceFile:
             *whole, rest = (rest + data).split(b"\n")
             yield from whole
             if len(rest) > LONGEST:
-                self.cut = True
+                self.damaged = True
                 return
         if rest:
             self.cut = True
@@ -90,7 +114,9 @@ class TraceFile:
                         return
                     yield unzip.decompress(packed, UNPACKED)
             except zlib.error:
-                self.cut = True
+                self.damaged = True
+            except OSError as error:
+                raise self._unreadable(f"its {self.path.name}: {error.strerror}") from None
 
     def records(
         self,
@@ -99,25 +125,42 @@ class TraceFile:
         from_s: float = 0.0,
         to_s: float = float("inf"),
     ) -> Iterator[Record]:
-        """Records of these FLSs, about this datagram, within these emulated seconds; what is none is passed over."""
+        """Records of these FLSs, about this datagram, within these emulated seconds; what is none is counted."""
         any_of = "|".join(map(str, sorted(fids or ()))).encode()
         who = None if fids is None else re.compile(rb'"fid": ?(?:%s),' % any_of)
         needle = f'"{message}"'.encode() if message else b""
-        for line in self.lines():
-            if who is not None and not who.search(line, 0, HEAD):
+        lines = self.lines()
+        next(lines, None)  # the header
+        self.strange = 0
+        for line in lines:
+            wanted = (who is None or who.search(line, 0, HEAD)) and (not needle or needle in line)
+            if not wanted and LOOKS_WELL.match(line) and line.endswith(b"}"):
+                continue  # to read each would take several times as long
+            record = self._record(line)
+            if record is None or not wanted:
                 continue
-            if needle and needle not in line:
-                continue
-            try:
-                record = json.loads(line)
-            except (ValueError, RecursionError):
-                continue
-            if not is_record(record):
-                continue  # the header, the end, or damaged
             if record["t"] > to_s:
                 return
             if record["t"] >= from_s:
                 yield record
+
+    def _record(self, line: bytes) -> Record | None:
+        """What a line holds, if that is a record; a line that is nothing is counted."""
+        try:
+            record = json.loads(line)
+        except (ValueError, RecursionError):
+            record = None
+        if is_record(record) and 1 <= record["fid"] <= self.header.points:
+            return record
+        if not (isinstance(record, dict) and record.get("is") == "end"):
+            self.strange += 1
+        return None
+
+
+def _whole(value: object, least: int) -> int:
+    if type(value) is not int or value < least:
+        raise ValueError(f"no whole number from {least} on")
+    return value
 
 
 TEXT, NUMBER, STATE = "text", "number", "state"
@@ -139,10 +182,11 @@ OPTIONAL = {
     "kind": TEXT,
     "copies": NUMBER,
 }
+LOOKS_WELL = re.compile(rb'\{"t": ?[-+.0-9e]+, ?"fid": ?[0-9]+, ?"is": ?"(?:%s)"' % "|".join(NEEDED).encode())
 SWARM = re.compile(r"[0-9]{1,10}(\.[0-9]{1,10})?")
 
 
-def is_record(record: object) -> bool:
+def is_record(record: object) -> TypeGuard[Record]:
     """Whether it has what a record needs, so that whoever reads it need not ask."""
     if not isinstance(record, dict) or record.get("is") not in NEEDED:
         return False

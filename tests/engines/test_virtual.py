@@ -10,15 +10,17 @@ import threading
 
 import numpy as np
 import pytest
-from virtual_runs import fly
+from virtual_runs import SMALL, Watcher, fly
 
 from swarmer import fls_process
 from swarmer.config import load_config
 from swarmer.engines import virtual_fls
 from swarmer.engines.virtual import VirtualEngine
 from swarmer.errors import RunFailed
+from swarmer.faults import Fault, Schedule
 from swarmer.fls import BaseFls
 from swarmer.messages import MAX_SIZE, SIZE
+from swarmer.observe.progress import Progress
 from swarmer.plan import make_machine, make_plan
 from swarmer.state_machine import State, StateMachine
 
@@ -211,6 +213,24 @@ def test_who_fails_goes_dark_and_is_replaced_from_the_dispatcher():
     assert watcher.samples[-1].lit.mean() > 0.8
 
 
+def test_a_successor_is_no_member_of_the_swarm_that_its_predecessor_began():
+    """FLS 1 owns the only swarm. Its successor is of the same number until it has joined."""
+    plan = make_plan(load_config(None, (), **{**SMALL, "thaw.policy": "off", "recording.rate_hz": 50}))
+    watcher = Watcher()
+    with VirtualEngine(plan, faults=Schedule((Fault(8.0, "kill", (1,), 0.01),))) as engine:
+        engine.run(watcher)
+    assert watcher.progress.first_single_swarm_s < 8
+    shown = [one for one in watcher.samples if one.swarm_incarnation is not None and one.lit.all()]
+    alone = [one for one in shown if one.swarm_incarnation[0] == 1 and not one.swarm_incarnation[1:].any()]
+    assert alone, "lit, and in a swarm of its own"
+    for one in alone:
+        assert (one.swarm == 1).all()
+        progress = Progress.of(plan.cloud.points)
+        progress.update(one)
+        assert progress.swarms.number == 2
+        assert progress.first_single_swarm_s is None
+
+
 def test_without_replacement_the_display_goes_dark_one_by_one():
     result, watcher = fly(duration_s=30, **{"failure.rate": 0.2, "failure.replace": False})
     assert result.counters["replacements"] == 0
@@ -332,6 +352,16 @@ def test_flss_that_cannot_keep_up_are_not_faithful_by_the_rule_of_all_engines():
     assert watcher.samples[-1].live.faithful is False
     usual, watcher = fly()
     assert (usual.faithful, watcher.samples[-1].live.faithful) == (True, True)
+
+
+def test_what_nobody_took_up_by_the_end_is_late():
+    hopeless, _ = fly(points=20, duration_s=2, **{"virtual.handling_ms": 2000})
+    late = hopeless.handled_late_ms
+    waited = hopeless.counters["datagrams_delivered"] - hopeless.counters["handled"]
+    assert waited >= 20
+    assert hopeless.faithful is False
+    assert 1000 < late.p99 <= late.max < 2000 * 1.12
+    assert hopeless.timer_late_ms.max > 1000
 
 
 def test_where_nothing_was_handled_nothing_is_known():

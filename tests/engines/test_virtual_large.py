@@ -12,7 +12,7 @@ from swarmer.engines import virtual, virtual_radio
 from swarmer.engines.virtual import _Run
 from swarmer.engines.virtual_fls import HALF_WINDOW, VirtualFls
 from swarmer.engines.virtual_radio import next_draws
-from swarmer.engines.virtual_time import SLOTS_PER_S, Agenda, Entry
+from swarmer.engines.virtual_time import GROUP, SLOTS_PER_S, Agenda, Entry
 from swarmer.fls import BaseFls
 from swarmer.messages import Kind, Stamp, Swarm, To
 from swarmer.protocol import race
@@ -31,10 +31,30 @@ def test_the_short_way_of_a_datagram_is_the_long_one(monkeypatch, faults):
     assert trace(**faults) == short
 
 
-def test_latencies_in_arrays_are_those_drawn_one_by_one(monkeypatch):
-    before = trace()
+@pytest.mark.parametrize(
+    "settings", [{}, {"virtual.latency_min_ms": 1, "virtual.latency_max_ms": 1}], ids=str
+)
+def test_latencies_in_arrays_are_those_drawn_one_by_one(monkeypatch, settings):
+    before = trace(**settings)
     monkeypatch.setattr(virtual_radio, "MANY", 10**9)
-    assert trace() == before
+    assert trace(**settings) == before
+
+
+@pytest.mark.parametrize("latency_ms", [(0, 0), (1, 1), (0.1, 0.3)])
+def test_a_datagram_to_many_is_the_same_as_an_entry_for_each(monkeypatch, latency_ms):
+    """Also where all latencies are the same, and much falls on one moment: what was put down first comes first."""
+    settings = {"virtual.latency_min_ms": latency_ms[0], "virtual.latency_max_ms": latency_ms[1]}
+    together, put = trace(**settings), Agenda.put
+
+    def put_apart(agenda, at_s, what, fls, one=None, two=None):
+        if what != GROUP:
+            put(agenda, at_s, what, fls, one, two)
+            return
+        for arrival in reversed(one):
+            put(agenda, arrival[0], GROUP, None, [arrival], two)
+
+    monkeypatch.setattr(Agenda, "put", put_apart)
+    assert trace(**settings) == together
 
 
 @pytest.mark.parametrize("swarms", [1, 2, 40])

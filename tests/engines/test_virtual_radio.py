@@ -14,9 +14,9 @@ from swarmer.engines.virtual_radio import Air
 from swarmer.engines.virtual_time import DATAGRAM, FREE, GROUP, SLOT, Agenda, Trace
 from swarmer.fls import LAUNCH, NEVER
 from swarmer.messages import NO_SWARM, Kind, Message, Stamp, Swarm, To
-from swarmer.metrics.lateness import BUCKETS
+from swarmer.metrics.lateness import BUCKETS, bucket
 from swarmer.plan import make_plan
-from swarmer.protocol.events import Due, Landed, Received
+from swarmer.protocol.events import Due, Landed, Received, Timer
 from swarmer.streams import stream
 from swarmer.telemetry import COUNTERS, Wire
 
@@ -241,6 +241,21 @@ def test_a_timer_waits_for_the_handler_and_goes_before_what_is_less_urgent():
     assert kinds(fed) == ["CHALLENGE_ACCEPT", "Due", "LEASE_RENEW"]
     assert [at for at, _ in fed] == [0.0, 0.01, 0.01]
     assert sum(shared.timer_late) == 1
+
+
+def test_a_timer_waits_for_a_busy_handler_for_which_nothing_else_waits():
+    shared, fls, fed = busy()
+    fls.hear(message(Kind.CHALLENGE_ACCEPT, 1, To.FLS, Swarm(5, 0)), Stamp(1, 1, (0, 0, 0), 0.0))
+    shared.agenda.now = 0.004
+    fls.wait(0, 0.004)
+    assert fls.look(0, 0.004)
+    fls.fall_due(0)
+    assert kinds(fed) == ["CHALLENGE_ACCEPT"]
+    pass_time(shared, fls, 1.0)
+    assert fed[1] == (0.01, Due(Timer.CHALLENGE))
+    assert [at for at, count in enumerate(shared.timer_late) if count] == [bucket(6.0)], (
+        "6 ms late, and told so"
+    )
 
 
 def test_handlers_that_take_time_make_messages_late_and_the_swarm_forms_all_the_same():

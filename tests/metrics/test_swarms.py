@@ -14,5 +14,14 @@ def test_one_swarm_of_some_is_not_single():
     assert swarm_statistics(np.ones(4, np.int32), np.ones(4, bool)).single
 
 
+def test_the_swarm_of_a_successor_is_another_one():
+    replaced = np.array([1, 0, 0, 0], np.int32)
+    assert swarm_statistics(np.ones(4, np.int32), np.ones(4, bool), replaced) == SwarmStatistics(
+        2, 1, 3, False
+    )
+    assert swarm_statistics(np.ones(4, np.int32), np.ones(4, bool), np.ones(4, np.int32)).single
+    assert not swarm_statistics(np.ones(4, np.int32), np.array([False, True, True, True]), replaced).single
+
+
 def test_nobody_lit():
     assert swarm_statistics(IDS, np.zeros(4, bool)) == SwarmStatistics(0, 0, 0, False)

@@ -3,14 +3,18 @@
 import json
 from importlib import util
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
 
 from swarmer import cli
 from swarmer.errors import BadInput
+from swarmer.messages import Kind, Message, Swarm, To
 from swarmer.observe.invariants import INVARIANTS
+from swarmer.observe.invariants.being import Always, Deploying
 from swarmer.radio import ReplayWindow
+from swarmer.state_machine import State
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SMALL = ["--shape", "sphere", "--points", "20", "--duration", "4", "--no-recording", "--engine", "virtual"]
@@ -63,6 +67,32 @@ def test_a_broken_invariant_stops_the_run_and_tells(tmp_path, monkeypatch):
     second = summary_of(tmp_path / "again")
     assert second["violation"] == broken
     assert second["trace_sha256"] == summary["trace_sha256"]
+
+
+def test_a_datagram_that_cannot_be_is_told_in_words():
+    facts = SimpleNamespace(ids_decide=True, rules=SimpleNamespace(epochs=True, count=20))
+    step = SimpleNamespace(m=SimpleNamespace(fid=3, incarnation=0, epoch=2), thaws=0)
+    own = Message(
+        int(Kind.MERGE),
+        3,
+        0,
+        2,
+        Swarm(3, 0),
+        1,
+        (0.0, 0.0, 0.0),
+        int(To.SWARM),
+        Swarm(3, 0),
+        other=Swarm(1, 2),
+    )
+    check = Always(facts)
+    assert check.said(step, own) is None
+    words = "MERGE(1.2) to swarm 3, signed 5 of epoch 2, vector (0.0, 0.0, 0.0), range 1e+09"
+    assert check.said(step, own._replace(sender=5)) == f"signs as another: {words}"
+    assert check.said(step, own._replace(kind=int(Kind.THAW_ANNOUNCE))).startswith(
+        "speaks to the wrong ones: THAW_ANNOUNCE to swarm 3, signed 3 of"
+    )
+    dark = SimpleNamespace(m=SimpleNamespace(state=State.DEPLOYING), sent=[own, own])
+    assert Deploying(facts).after(dark).startswith("is dark, and says MERGE(1.2) to swarm 3, signed 3 of")
 
 
 def test_only_virtual_time_can_be_checked(tmp_path):

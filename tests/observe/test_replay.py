@@ -1,6 +1,7 @@
 import io
 import shutil
 
+import click
 import pytest
 from click.testing import CliRunner
 
@@ -61,6 +62,21 @@ def test_without_a_display_it_says_what_to_use(finished_run, monkeypatch):
     monkeypatch.setattr(viewer, "display_available", lambda: False)
     with pytest.raises(RunFailed, match=r"--web.*--terminal"):
         replay(finished_run)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--again", "--speed", "3"], "--speed is of --terminal"),
+        (["--again", "--port", "9000"], "--port is of --web"),
+        (["--web", "--speed", "1"], "--speed is of --terminal"),
+        (["--terminal", "--port", "9090"], "--port is of --web"),
+        (["--speed", "2"], "--speed is of --terminal"),
+    ],
+)
+def test_options_that_would_do_nothing_are_refused(finished_run, options, says):
+    with pytest.raises(click.UsageError, match=says):
+        replay(finished_run, *options)
 
 
 def test_viewers_listen_on_this_machine_only(tmp_path):

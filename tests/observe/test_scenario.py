@@ -109,6 +109,13 @@ def test_a_difference_is_found_and_where(old, new, says):
         ("given 1 Available\nadvance 5\n----\n", "line 2, column 1: advance to=MS"),
         ("given 1 Available\nadvance to=9\n----\n\nadvance to=8\n----\n", "line 5, column 9: it is 9 ms already"),
         ("given 1 Available\nrun 3\n----\n", "line 2, column 5: run stands alone"),
+        ("given 1 1 Available\nrun\n----\n", "line 1, column 9: FLS 1 is there already"),
+        ("given 1 2 Available\ngiven 2 Available\nrun\n----\n", "line 2, column 7: FLS 2 is there already"),
+        ("given 1 Available with=999\nrun\n----\n", "line 1, column 19: Available is owed to nobody"),
+        ("given 1 Deploying with=2\nrun\n----\n", "line 1, column 19: Deploying is owed to nobody"),
+        ("given 1 Available xi=2 xi=3\nrun\n----\n", "line 1, column 24: xi is said twice"),
+        ("", "line 1, column 1: nothing happens"),
+        ("# Rule 1, and no more\n\n", "line 1, column 1: nothing happens"),
     ],
 )  # fmt: skip
 def test_what_is_no_scenario_is_refused_with_line_and_column(text, where):

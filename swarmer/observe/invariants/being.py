@@ -6,11 +6,21 @@ from math import isfinite
 
 from swarmer.messages import COUNT, SWARM_KINDS, THAW, TO_SWARM, Message, Stamp, Swarm
 from swarmer.observe.invariants.base import BA, EVERY, NOTED, TINY, A, D, Facts, Invariant, Life, Step
+from swarmer.observe.protocol_words import addressee_name, datagram_name, swarm_name
 from swarmer.protocol.events import Arm, Local, ThawBegins, Timer
 from swarmer.radio import WINDOW
 
 TICK, LANDED = int(Local.CHALLENGE_DUE), int(Local.LANDED)
 DATAGRAMS = frozenset(range(int(Local.CHALLENGE_DUE)))
+
+
+def _datagram(message: Message) -> str:
+    """What is wrong with a datagram is in what these words say, or in its signature and its numbers."""
+    return (
+        f"{datagram_name(message)} to {addressee_name(message)}, signed "
+        f"{swarm_name(Swarm(message.sender, message.incarnation))} of epoch {message.epoch}, vector "
+        f"{message.vector}, range {message.range:g}"
+    )
 
 
 class Deploying(Invariant):
@@ -23,7 +33,7 @@ class Deploying(Invariant):
     def after(self, step: Step) -> str | None:
         m = step.m
         if m.state is D:
-            return f"is dark, and says {step.sent}" if step.sent else None
+            return f"is dark, and says {', '.join(map(_datagram, step.sent))}" if step.sent else None
         self.looked += 1
         if step.key != LANDED or m.state is not A or m.swarm != (m.fid, m.incarnation):
             return f"lit as {m.state.name} in {m.swarm}"
@@ -251,8 +261,10 @@ class Always(Invariant):
             (m.epoch, step.was.epoch) if step.thaws else (m.epoch,)
         )  # what came before the thaw is of the old one
         if (message.sender, message.incarnation) != (m.fid, m.incarnation) or message.epoch not in epochs:
-            return f"signs as another: {message}"
+            return f"signs as another: {_datagram(message)}"
         if message.to == TO_SWARM and (message.kind not in SWARM_KINDS or message.addressee.xi == 0):
-            return f"speaks to the wrong ones: {message}"
+            return f"speaks to the wrong ones: {_datagram(message)}"
         x, y, z = message.vector
-        return None if isfinite(x + y + z + message.range) else f"a message is not finite: {message}"
+        return (
+            None if isfinite(x + y + z + message.range) else f"a message is not finite: {_datagram(message)}"
+        )
