@@ -48,13 +48,18 @@ def time_shown(rows: list[Row], name: str) -> str:
 
 
 def mean_shown(rows: list[Row], name: str) -> str:
-    """A mean with its interval.
+    """A mean of what is counted, so never below 0, with its interval.
 
     >>> mean_shown([{"n": "10"}, {"n": "12"}, {"n": "11"}], "n")
     '11.0 [8.5, 13.5]'
+    >>> mean_shown([{"n": "0"}, {"n": "0"}, {"n": "1"}], "n")
+    '0.3 [0.0, 1.8]'
     """
     values = [float(row[name]) for row in rows if row.get(name)]
-    return bounded(intervals.mean(values), _amount) if values else "–"
+    if not values:
+        return "–"
+    mean = intervals.mean(values)
+    return bounded(mean._replace(low=max(mean.low, 0.0)), _amount)
 
 
 def bounded(interval: Interval, show: Callable[[float], str]) -> str:
