@@ -167,6 +167,22 @@ def raising(error):
     return action
 
 
+@pytest.mark.parametrize(("neighbours", "told"), [("nearest", True), ("connected", False)])
+def test_a_shape_in_parts_that_never_meet_is_told_before_the_run(neighbours, told, tmp_path, capsys):
+    from swarmer.commands.run import tell_plan
+    from swarmer.config import load_config
+    from swarmer.plan import make_plan
+
+    parts = [(x + far, y, 0) for far in (0, 50) for x in (0, 2) for y in (0, 2)]
+    cloud = tmp_path / "parts.xyz"
+    cloud.write_text("\n".join(" ".join(map(str, point)) for point in parts))
+    tell_plan(make_plan(load_config(None, (), shape=str(cloud), eta=2, neighbours=neighbours)))
+    err = capsys.readouterr().err
+    assert "2 components" in err
+    assert ("may stay a swarm of its own" in err) == told
+    assert ("joined by 1 link," in err) != told
+
+
 @pytest.mark.parametrize(
     ("error", "status", "line"),
     [

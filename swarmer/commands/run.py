@@ -188,14 +188,22 @@ def tell_plan(plan: Plan) -> None:
     from swarmer.observe.words import columns_of, wrapped
 
     n = plan.neighbours
-    joined = f", joined by {n.added_links} links" if n.added_links else ""
+    links = "1 link" if n.added_links == 1 else f"{n.added_links} links"
+    joined = f", joined by {links}" if n.added_links else ""
     parts = "1 component" if n.components == 1 else f"{n.components} components"
     line = (
         f"{plan.cloud.name}: {plan.size} points in {plan.cloud.dim}D, neighbours {n.mode} (η {n.eta}): "
         f"{parts}{joined}, longest link {n.longest_link_cells:.1f} cells, mean degree {n.mean_degree:.1f}"
     )
-    for part in wrapped(line, columns_of(sys.stderr, ANY_WIDTH)):
-        click.echo(part, err=True)
+    lines = [line]
+    if n.components > 1 and not n.added_links:
+        lines.append(
+            f"note: no link of the {n.components} components leads to another: each may stay a swarm of its own; "
+            "neighbours: connected would join them"
+        )
+    for one in lines:
+        for part in wrapped(one, columns_of(sys.stderr, ANY_WIDTH)):
+            click.echo(part, err=True)
 
 
 def tell_changed_shape(plan: Plan, source: str | None) -> None:
