@@ -69,7 +69,7 @@ def test_json_is_yaml():
         ),
         ("faults: [{at: 1, what: hang, where: [1], way: in}]", "faults[0].way: 'in' is not allowed"),
         ("faults: [{at: 1, what: kill, where: [1], why: x}]", "faults[0]: {'at': 1"),
-        ("a: &b [1]\nfaults: *b", "faults: not YAML: line 2: an alias"),
+        ("a: &b [1]\nfaults: *b", "faults: not YAML: line 2, column 9: an alias"),
     ],
 )
 def test_a_wrong_schedule_is_refused_in_one_line(text, line):
