@@ -1,5 +1,7 @@
 """Worlds full of faults, always the same ones; `make soak` plays fresh ones for as long as told."""
 
+import subprocess
+import sys
 from collections import Counter
 from pathlib import Path
 
@@ -98,3 +100,12 @@ def test_every_invariant_had_something_to_look_at():
     rare = {invariant.name for invariant in INVARIANTS if seen[invariant.name] < 10}
     assert rare <= {"L1", "L5"}
     assert seen["L1"] + seen["L5"] >= 5
+
+
+def test_the_soak_begins_by_the_clock_and_says_where_it_stands():
+    script = Path(__file__).parents[2] / "scripts" / "soak.py"
+    done = subprocess.run(
+        [sys.executable, script, "--seconds", "0.5"], capture_output=True, text=True, timeout=120
+    )
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout + done.stderr
+    assert "0 failed" in done.stdout.splitlines()[-1]
