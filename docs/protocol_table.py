@@ -40,6 +40,7 @@ WORDS: dict[str, tuple[str, str]] = {
     "cancelled": ("5, 7", "The anchor cancels this pairing: on the ground give up, free the swarm; in flight finish."),
     "forget_accept": ("3", "The challenger has somebody else: that acceptance is forgotten."),
     "free": ("7", "FIN: that lease is over. After the last one: Available, and the swarm is told so."),
+    "finished_first": ("7", "FIN that has overtaken its ACK: the accept is forgotten, so the ACK will be cancelled."),
     "cancel_lease": ("7", "As FIN, but nobody has merged; only if it is of the challenge that the lease is for."),
     "lease_over": ("7", "A localizer was not heard of for a lease: as if it had finished."),
     "renewed": ("5", "Extend the lease, or grant one where rule 3 allows; else cancel."),

@@ -24,7 +24,7 @@ from swarmer.messages import (
     Kind,
     Message,
 )
-from swarmer.protocol.anchoring import cancel_lease, free, lease_over, renewed
+from swarmer.protocol.anchoring import cancel_lease, finished_first, free, lease_over, renewed
 from swarmer.protocol.challenging import challenge_due, launch, light_up, skip_tick
 from swarmer.protocol.events import (
     HANDLED,
@@ -103,6 +103,7 @@ TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
         Kind.CHALLENGE_INIT: _rule(accept, A),
         Kind.CHALLENGE_ACCEPT: _rule(take_acceptance, A, BA, BL),
         Kind.CHALLENGE_ACK: _rule(take_ack, A, BA, BL),
+        Kind.CHALLENGE_FIN: _rule(finished_first, A),
         Kind.SET_WAITING: _rule(wait, W),
         Kind.SET_AVAILABLE: _rule(note_size, A),
         Kind.FOLLOW: _rule(follow, W),
@@ -165,6 +166,7 @@ TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
         Kind.CHALLENGE_INIT: _rule(accept, W),
         Kind.CHALLENGE_ACCEPT: _rule(refuse, W),
         Kind.CHALLENGE_ACK: _rule(take_ack, W, BA),
+        Kind.CHALLENGE_FIN: _rule(finished_first, W),
         Kind.SET_WAITING: _rule(wait, W),
         Kind.SET_AVAILABLE: _rule(resume, W, A),
         Kind.FOLLOW: _rule(follow, W),

@@ -110,13 +110,17 @@ A, INIT 7, SET_WAITING 8 (l) | ACK 7         -> W: CANCEL 7
 Wl                   | ACK 7                 -> W: CANCEL 7
 W flying             | ACK 7                 -> W flying: CANCEL 7 | ignored
 
-A                    | FIN 6                 -> A: | ignored
+A                    | FIN 6                 -> A:
 BA                   | FIN 6                 -> A: SET_AVAILABLE swarm 5
 BA                   | FIN 7                 -> BA:
 BA, INIT 7, ACK 7    | FIN 6                 -> BA:
 BA, INIT 7, ACK 7, FIN 6 | FIN 7             -> A: SET_AVAILABLE swarm 5
 BL                   | FIN 6                 -> BL: | ignored
-Wa                   | FIN 6                 -> W: | ignored
+Wa                   | FIN 6                 -> W:
+A, INIT 7, FIN 7     | ACK 7                 -> A: CANCEL 7
+A, INIT 7, FIN 7 old | ACK 7                 -> BA: SET_WAITING(a) swarm 5
+BA, INIT 7, FIN 7    | ACK 7                 -> BA: CANCEL 7
+Wa, INIT 7, FIN 7    | ACK 7                 -> W: CANCEL 7
 
 D flying             | SET_WAITING 8         -> D flying: | ignored
 A                    | SET_WAITING 8 (a)     -> W:
@@ -236,7 +240,7 @@ NORMATIVE = {  # the spec's table: in which states an event has a rule
     Kind.CHALLENGE_INIT: {A, BA, BL, W},
     Kind.CHALLENGE_ACCEPT: {A, BA, BL, W},
     Kind.CHALLENGE_ACK: {A, BA, BL, W},
-    Kind.CHALLENGE_FIN: {BA},
+    Kind.CHALLENGE_FIN: {A, BA, W},  # in A and W of a pairing whose ACK it has overtaken (rule 7)
     Kind.SET_WAITING: {A, W},
     Kind.SET_AVAILABLE: {W, A},  # in A it only tells the size (rule 4)
     Kind.FOLLOW: {A, W},

@@ -75,10 +75,29 @@ def grant(me: Memory, message: Message) -> None:
 def free(me: Memory, message: Message) -> None:
     """FIN: that lease is over; after the last one the anchor and its swarm are free (rule 7)."""
     if me.leases.release(message.sender):
-        me.size = sum_of_sizes(me.size, message.size)
-        me.merged = True
-        me.policy.merged()
+        _has_merged(me, message)
         _after_lease(me)
+    else:
+        finished_first(me, message)
+
+
+def finished_first(me: Memory, message: Message) -> None:
+    """FIN before the ACK of its pairing: the localizer needed no flight, and its FIN is the more urgent (rule 7).
+
+    The pairing is over before its lease would begin. The accept is forgotten, so that the ACK grants none to somebody
+    who will neither renew nor end it.
+    """
+    said = me.accepts.get(message.sender)
+    if said is not None and said.challenge == message.challenge:
+        del me.accepts[message.sender]
+        if message.swarm == me.swarm:
+            _has_merged(me, message)
+
+
+def _has_merged(me: Memory, message: Message) -> None:
+    me.size = sum_of_sizes(me.size, message.size)
+    me.merged = True
+    me.policy.merged()
 
 
 def cancel_lease(me: Memory, message: Message) -> None:
