@@ -318,7 +318,7 @@ def _(patch):
     patch.setattr(StateMachine, "_land", land_anyhow)
 
 
-@mutant("judged at sending", "S13", **{"virtual.latency_max_ms": 30.0, "lambda_ms": 100.0})
+@mutant("judged at sending", "S13", **{"virtual.latency_max_ms": 80.0, "lambda_ms": 50.0})
 def _(patch):
     hear, receive = VirtualFls.hear, StateMachine.receive
 
