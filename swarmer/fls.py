@@ -39,9 +39,9 @@ from swarmer.protocol.events import (
 )
 from swarmer.protocol.records import Counters
 from swarmer.radio import Ears, EndRules, ReplayWindow, fate, heard
-from swarmer.state_machine import Identity
+from swarmer.state_machine import Identity, State
 from swarmer.streams import stream
-from swarmer.telemetry import Wire
+from swarmer.telemetry import DELIVERED_BY_KIND, SENT_BY_KIND, Wire
 
 if TYPE_CHECKING:
     from swarmer.engines.result import Witness
@@ -64,7 +64,8 @@ NEVER = float("inf")
 _SENT, _DELIVERED, _REPLAYED = int(Wire.SENT), int(Wire.DELIVERED), int(Wire.REPLAYED)
 _LOST_SENDER, _LOST_RECEIVER = int(Wire.LOST_SENDER), int(Wire.LOST_RECEIVER)
 _ANSWERED_AT_ONCE, _FLIGHTS = int(Wire.ANSWERED_AT_ONCE), int(Wire.FLIGHTS)
-_DISTANCE = int(Wire.DISTANCE_MICROCELLS)
+_DISTANCE, _LOCALIZING = int(Wire.DISTANCE_MICROCELLS), int(Wire.LOCALIZING_MICROCELLS)
+_FLOWN = {State.BUSY_LOCALIZING: _LOCALIZING, State.WAITING: int(Wire.FOLLOWING_MICROCELLS)}
 REFUSED = {
     "run": int(Wire.OTHER_RUN), "sender": int(Wire.BAD), "address": int(Wire.NOT_ADDRESSED),
     "range": int(Wire.OUT_OF_RANGE), "own": int(Wire.OWN_SWARM),
@@ -247,6 +248,7 @@ class BaseFls(ABC):
             self.tell_fate(message, stamp, "replayed")
             return
         counts[_DELIVERED] += 1
+        counts[DELIVERED_BY_KIND + message.kind] += 1
         verdict = race.judge(message, self.published, self._neighbours, self._neighbour_reply)
         if self.witness is not None:
             self.tell_fate(message, stamp, verdict.word)
@@ -390,7 +392,12 @@ class BaseFls(ABC):
         if self.witness is not None:
             self.witness.flew(self, vector, flight, now)  # type: ignore[arg-type]
         counts[_FLIGHTS] += 1
-        counts[_DISTANCE] += round(flight.length * 1e6)
+        counts[_DISTANCE] += (microcells := round(flight.length * 1e6))
+        if place := _FLOWN.get(self.machine.state):  # else it deploys, or leaves
+            self.count_flown(place, microcells)
+
+    def count_flown(self, place: int, microcells: int) -> None:
+        self.handler_counts[place] += microcells
 
     def _retune(self) -> None:
         """Listen to the machine's swarm from now on; in the dark to none."""
@@ -417,6 +424,7 @@ class BaseFls(ABC):
     def send(self, message: Message, counts: Counters) -> None:
         """Stamp and send; `counts`: those of the thread that sends."""
         counts[_SENT] += 1
+        counts[SENT_BY_KIND + message.kind] += 1
         if self._sender_rng is not None:
             self._send_by_chance(message, counts, self._sender_rng)
             return

@@ -16,6 +16,7 @@ import time
 from enum import IntEnum
 from typing import TYPE_CHECKING, NamedTuple
 
+from swarmer.messages import Kind
 from swarmer.metrics.lateness import BUCKETS, bucket
 from swarmer.physics.flight import Flight, Velocity
 from swarmer.protocol.events import Count
@@ -68,9 +69,15 @@ class Wire(IntEnum):
     SEND_FAILED = len(Count) + 12
     OWN_SWARM = len(Count) + 13  # challenges from the own swarm that no kernel filter stopped
     WOKEN = len(Count) + 14  # by the engine
+    LOCALIZING_MICROCELLS = len(Count) + 15  # of the distance: flown to localize
+    FOLLOWING_MICROCELLS = len(Count) + 16  # because its swarm localizes; the place after
 
 
-COUNTERS = len(Count) + len(Wire)
+# Datagrams by kind: the place of a kind is that far behind its first.
+KINDS = max(Kind) + 1
+SENT_BY_KIND = len(Count) + len(Wire)
+DELIVERED_BY_KIND = SENT_BY_KIND + KINDS
+COUNTERS = DELIVERED_BY_KIND + KINDS
 NETWORK_AT = (
     COUNTERS_AT + 8 * COUNTERS
 )  # the network thread counts apart from the handler, so neither needs a lock
@@ -112,6 +119,9 @@ class Row(NamedTuple):
     flying: bool
     flight: Flight
     thawed: Thawed = NOTHING_LEFT
+
+
+_FLOWN = [Wire.LOCALIZING_MICROCELLS, Wire.FOLLOWING_MICROCELLS]
 
 
 class SharedMemory:
@@ -231,6 +241,7 @@ class Sample(NamedTuple):
     life: NDArray[np.int8]
     thawed: NDArray[np.void]  # (F,), with the names of `Thawed`
     counters: NDArray[np.uint64]  # (COUNTERS,), summed over all FLSs
+    flown: NDArray[np.float64]  # (F, 2), cells: localizing, following
     timer_late: NDArray[np.int64]  # (BUCKETS,), summed
     handled_late: NDArray[np.int64]
 
@@ -297,6 +308,7 @@ class Reader:
             life=rows["life"].astype(np.int8),
             thawed=rows["thawed"],
             counters=rows["counters"].sum(axis=(0, 1), dtype=np.uint64),
+            flown=rows["counters"][:, :, _FLOWN].sum(axis=1, dtype=np.uint64) / 1e6,
             timer_late=rows["timer_late"].sum(axis=0, dtype=np.int64),
             handled_late=rows["handled_late"].sum(axis=0, dtype=np.int64),
         )

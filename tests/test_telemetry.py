@@ -11,12 +11,15 @@ from random import Random
 import numpy as np
 import pytest
 
+from swarmer.messages import Kind
 from swarmer.metrics.lateness import bucket
 from swarmer.physics.flight import Flight, Velocity, plan_flight, position_at
 from swarmer.protocol.events import Count
 from swarmer.telemetry import (
     COUNTERS,
+    DELIVERED_BY_KIND,
     PAGE,
+    SENT_BY_KIND,
     SEQUENCE,
     SLOT,
     Began,
@@ -58,6 +61,8 @@ def test_a_slot_reads_as_it_was_written(shared):
     slot.handler_counts[Count.LOCALIZATIONS] += 3
     slot.network_counts[Count.LOCALIZATIONS] += 2
     slot.handler_counts[Wire.SENT] += 1
+    slot.handler_counts[Wire.LOCALIZING_MICROCELLS] += 2_500_000
+    slot.handler_counts[Wire.FOLLOWING_MICROCELLS] += 500_000
     slot.timer_late(5.0)
     slot.handled_late(50.0)
     sample = reader.sample()
@@ -73,15 +78,19 @@ def test_a_slot_reads_as_it_was_written(shared):
     assert Thawed(*sample.thawed[i].tolist()) == thawed
     assert not sample.lit[[0, 1, 3, 4, 5, 6, 7]].any(), "each FLS has a slot of its own"
     assert (sample.counters[Count.LOCALIZATIONS], sample.counters[Wire.SENT]) == (5, 1)
-    assert sample.counters.sum() == 6
+    assert sample.counters.sum() == 6 + 3_000_000
+    assert sample.flown.tolist() == [[0.0, 0.0], [0.0, 0.0], [2.5, 0.5], *[[0.0, 0.0]] * 5]
     assert (sample.timer_late[bucket(5.0)], sample.timer_late.sum()) == (1, 1)
     assert (sample.handled_late[bucket(50.0)], sample.handled_late.sum()) == (1, 1)
     reader.close()
 
 
 def test_every_counter_has_a_place_of_its_own():
-    places = [int(count) for count in (*Count, *Wire)]
-    assert sorted(places) == list(range(COUNTERS))
+    by_kind = [first + kind for first in (SENT_BY_KIND, DELIVERED_BY_KIND) for kind in Kind]
+    places = [int(count) for count in (*Count, *Wire)] + by_kind
+    assert len(set(places)) == len(places)
+    assert set(places) <= set(range(COUNTERS))
+    assert set(range(COUNTERS)) - set(places) == {SENT_BY_KIND, DELIVERED_BY_KIND}, "no kind is 0"
 
 
 def test_positions_of_all_are_those_of_each(shared):

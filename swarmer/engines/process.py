@@ -341,7 +341,7 @@ class _Run:
         )
         return Snapshot(
             sample.t_s, sample.position, sample.swarm, sample.state, sample.lit & alive, alive,
-            self._counters(sample), live, sample.swarm_incarnation,
+            self._counters(sample), live, sample.swarm_incarnation, sample.flown,
         )  # fmt: skip
 
     def _counters(self, sample: Sample) -> dict[str, float]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import contextlib
 from typing import TYPE_CHECKING
 
-from swarmer.messages import MAX_SIZE, SIZE
+from swarmer.messages import MAX_SIZE, SIZE, Kind
 from swarmer.protocol.events import Count
-from swarmer.telemetry import Wire
+from swarmer.telemetry import DELIVERED_BY_KIND, SENT_BY_KIND, Wire
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,6 +37,8 @@ NAMES: dict[str, tuple[int, ...]] = {
     "not_addressed": (Wire.NOT_ADDRESSED, Wire.OUT_OF_RANGE, Wire.OWN_SWARM),
     "replayed": (Wire.REPLAYED,),
     "send_failed": (Wire.SEND_FAILED,),
+    **{f"sent_{kind.name.lower()}": (SENT_BY_KIND + kind,) for kind in Kind},
+    **{f"delivered_{kind.name.lower()}": (DELIVERED_BY_KIND + kind,) for kind in Kind},
 }
 
 
@@ -48,6 +50,8 @@ def totals_of(counts: Sequence[int] | NDArray[np.uint64], signed: bool) -> dict[
         "bytes_sent": totals["datagrams_sent"] * size,
         "bytes_delivered": totals["datagrams_delivered"] * size,
         "distance_cells": int(counts[Wire.DISTANCE_MICROCELLS]) / 1e6,
+        "localizing_cells": int(counts[Wire.LOCALIZING_MICROCELLS]) / 1e6,
+        "following_cells": int(counts[Wire.FOLLOWING_MICROCELLS]) / 1e6,
     }
 
 

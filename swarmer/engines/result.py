@@ -34,6 +34,7 @@ class Snapshot(NamedTuple):
     swarm_incarnation: NDArray[np.int32] | None = (
         None  # (F,), of the Swarm-ID's owner; None: 0, nobody was replaced
     )
+    flown: NDArray[np.float64] | None = None  # (F, 2), cells flown: localizing, following
 
 
 class Lateness(NamedTuple):

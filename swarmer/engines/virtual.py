@@ -11,6 +11,7 @@ import gc
 import signal
 import threading
 import time
+from array import array
 from collections.abc import Iterator, Sequence
 from heapq import heappop
 from itertools import count as counting
@@ -87,6 +88,7 @@ class _Run:
         self.shared = Shared(
             plan.config.seed, plan.rules, self.agenda, self.air, self._ended, virtual.handling_ms / 1e3,
             [0] * COUNTERS, [0] * BUCKETS, [0] * BUCKETS, witness_of(witnesses), self._thaw_begins,
+            array("Q", bytes(16 * (plan.size + 1))),
         )  # fmt: skip
         self.witnesses = witnesses
         self.weather = Weather(self, faults) if faults != NO_FAULTS else None
@@ -294,6 +296,7 @@ class _Run:
                 now / wall if wall > 0 else None, *late, 1, None, faithful(*late, self.config.lease_ms)
             ),
             swarm_incarnation=self._swarm_incarnation(),
+            flown=np.array(self.shared.flown, np.float64).reshape(-1, 2)[1:] / 1e6,
         )
 
     def _swarm_incarnation(self) -> NDArray[np.int32] | None:

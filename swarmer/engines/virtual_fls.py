@@ -7,6 +7,7 @@ order of an FLS process. The network role is never busy.
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -21,7 +22,7 @@ from swarmer.protocol.events import ThawBegins
 from swarmer.protocol.race import JUDGED
 from swarmer.protocol.records import Counters
 from swarmer.radio import WINDOW, heard
-from swarmer.telemetry import Wire
+from swarmer.telemetry import DELIVERED_BY_KIND, Wire
 
 __all__ = ["DEPARTED", "FAILED", "Shared", "VirtualFls"]
 
@@ -49,6 +50,7 @@ class Shared:
     thaw_begins: Callable[[VirtualFls, ThawBegins], None] = lambda fls, begins: (
         None
     )  # told when one begins a thaw
+    flown: array[int] | None = None  # by FID, two places each, microcells: localizing, following
 
 
 class VirtualFls(BaseFls):
@@ -103,7 +105,9 @@ class VirtualFls(BaseFls):
         if message.kind in JUDGED or self._air.doubtful[message.sender]:
             self.arrive(message, stamp)
         else:
-            self.network_counts[_DELIVERED] += 1
+            counts = self.network_counts
+            counts[_DELIVERED] += 1
+            counts[DELIVERED_BY_KIND + message.kind] += 1
             self.queue(message, stamp)
 
     def fresh(self, message: Message, stamp: Stamp) -> bool:
@@ -197,6 +201,11 @@ class VirtualFls(BaseFls):
 
     def moved(self) -> None:
         self._air.moved(self)
+
+    def count_flown(self, place: int, microcells: int) -> None:
+        super().count_flown(place, microcells)
+        if (flown := self.shared.flown) is not None:
+            flown[2 * self.fid + place - Wire.LOCALIZING_MICROCELLS] += microcells
 
     def thaw_begins(self, begins: ThawBegins) -> None:
         self.shared.thaw_begins(self, begins)

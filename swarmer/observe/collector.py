@@ -14,7 +14,7 @@ from swarmer.errors import RunFailed
 from swarmer.observe.progress import Progress
 from swarmer.observe.run_directory import RECORDING, RunDirectory
 from swarmer.observe.summary import make_summary
-from swarmer.observe.timeline import Frame, TimelineWriter
+from swarmer.observe.timeline import Frame, TimelineWriter, series_of
 
 if TYPE_CHECKING:
     from swarmer.observe.panel import Panel
@@ -85,7 +85,8 @@ class Collector:
         frame = Frame(
             snapshot.t_s, snapshot.position, snapshot.swarm, snapshot.state, snapshot.lit, self._progress.hd
         )
-        self._timeline.append(frame)
+        self._timeline.append(frame, series_of(snapshot))
+        self._timeline.flown = snapshot.flown
         if self._recording is not None:
             self._recording.frame(frame, self._progress.swarms.number, self._progress.states)
 

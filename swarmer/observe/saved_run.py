@@ -20,7 +20,17 @@ from swarmer.engines.result import Event
 from swarmer.errors import BadInput
 from swarmer.observe import timeline
 from swarmer.observe.files import PARTIAL
-from swarmer.observe.run_directory import CONFIG, EVENTS, FILES, MANIFEST, RECORDING, SUMMARY, TIMELINE
+from swarmer.observe.run_directory import (
+    CONFIG,
+    EVENTS,
+    FILES,
+    MANIFEST,
+    MANIFEST_FORMAT,
+    RECORDING,
+    SUMMARY,
+    TIMELINE,
+)
+from swarmer.observe.summary import FORMAT
 from swarmer.yaml_file import parse
 
 # What readers raise at files that were cut or hold something else.
@@ -47,6 +57,8 @@ class SavedTimeline:
     state: NDArray[np.int8]  # (T, F)
     lit: NDArray[np.bool_]  # (T, F)
     hd_cells: NDArray[np.float64]  # (T,), NaN while fewer than 2 were lit
+    series: dict[str, NDArray[np.float64]] = field(default_factory=dict)  # (T,) each; see timeline.series_of
+    flown_cells: NDArray[np.float64] | None = None  # (F, 2): localizing, following; at the end
 
     def swarms(self) -> NDArray[np.int64]:
         """Number of swarms at each sample, (T,)."""
@@ -94,11 +106,23 @@ def load(path: Path) -> SavedRun:
     run.summary = _read(run, SUMMARY, lambda file: _summary(run, json.loads(_text(file)))) or {}
     run.events = _read(run, EVENTS, lambda file: _events(run, file)) or []
     run.timeline = _timeline(run)
+    _tell_newer(run)
     if run.recording() is None:
         run.missing.append(f"{RECORDING}: none")
     elif run.recording() != path / RECORDING:
         run.missing.append(f"{RECORDING}: cut, the run ended before it was closed")
     return run
+
+
+def _tell_newer(run: SavedRun) -> None:
+    """Say so if a later version wrote it: what it has besides is not shown."""
+    for name, table, known in ((SUMMARY, run.summary, FORMAT), (MANIFEST, run.manifest, MANIFEST_FORMAT)):
+        number = table.get("format")
+        if isinstance(number, (int, float)) and number > known:
+            run.missing.append(
+                f"{name}: format {number:g}, newer than {known}, which this version of swarmer knows; "
+                "what is shown may lack something"
+            )
 
 
 def check_run_directory(path: Path) -> None:
@@ -205,7 +229,19 @@ def _timeline(run: SavedRun) -> SavedTimeline | None:
 
 def _whole_timeline(path: Path) -> SavedTimeline:
     with np.load(path, allow_pickle=False) as data:
-        return _checked(SavedTimeline(*(data[name] for name in SavedTimeline.__slots__)))
+        arrays = {name: data[name] for name in ("truth", *timeline.Frame._fields)}
+        flown = data.get("flown_cells")
+        return _checked(SavedTimeline(**arrays, series=_series(data), flown_cells=flown))
+
+
+def _series(data: Any) -> dict[str, NDArray[np.float64]]:
+    """By name; none in a run from before there were any. Raises what BROKEN has."""
+    if "series" not in data:
+        return {}
+    names, values = data["series_name"].tolist(), np.asarray(data["series"], dtype=np.float64)
+    if values.shape != (len(data["t_s"]), len(names)):
+        raise ValueError("its series do not fit")
+    return {str(name): values[:, i] for i, name in enumerate(names)}
 
 
 def _chunked_timeline(run: SavedRun, directory: Path) -> SavedTimeline | None:
@@ -217,7 +253,7 @@ def _chunked_timeline(run: SavedRun, directory: Path) -> SavedTimeline | None:
         for path in sorted(directory.glob("[0-9]*.npz")):
             with np.load(path, allow_pickle=False) as data:
                 frame = {name: data[name] for name in timeline.Frame._fields}
-            parts.append(_checked(SavedTimeline(truth=truth, **frame)))
+                parts.append(_checked(SavedTimeline(truth=truth, **frame, series=_series(data))))
     except BROKEN as error:
         run.missing.append(f"{directory.name}: a part cannot be read ({type(error).__name__})")
     if not parts:
@@ -225,7 +261,9 @@ def _chunked_timeline(run: SavedRun, directory: Path) -> SavedTimeline | None:
     joined = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in timeline.Frame._fields
     }
-    return SavedTimeline(truth=truth, **joined)
+    names = parts[0].series if all(part.series.keys() == parts[0].series.keys() for part in parts) else ()
+    series = {name: np.concatenate([part.series[name] for part in parts]) for name in names}
+    return SavedTimeline(truth=truth, **joined, series=series)
 
 
 def _checked(saved: SavedTimeline) -> SavedTimeline:
@@ -247,6 +285,8 @@ def _checked(saved: SavedTimeline) -> SavedTimeline:
         saved.lit,
         saved.hd_cells,
     )
+    if saved.flown_cells is not None and saved.flown_cells.shape != (count, 2):
+        raise ValueError("its distances do not fit")
     if saved.t_s.ndim != 1 or any(array.shape != shape for array, shape in zip(arrays, shapes, strict=True)):
         raise ValueError("its arrays do not fit each other")
     if not np.isfinite(saved.t_s).all() or not np.isfinite(saved.position).all():

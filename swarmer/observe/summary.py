@@ -45,7 +45,6 @@ def make_summary(progress: Progress, result: RunResult, shape: str, points: int,
     count for `hd_min_cells` and `time_to_hd_s` says `progress`.
     """
     counters = result.counters
-    distance = counters.get("distance_cells")
     summary: dict[str, Any] = {
         "format": FORMAT,
         "engine": result.engine,
@@ -67,7 +66,9 @@ def make_summary(progress: Progress, result: RunResult, shape: str, points: int,
         "swarms_last": progress.swarms.number,
         "lit_share": progress.lit_share,
         "thaws": _whole(counters.get("thaws")),
-        "distance_cells_mean": None if distance is None else distance / points,
+        "distance_cells_mean": _mean(counters.get("distance_cells"), points),
+        "localizing_cells_mean": _mean(counters.get("localizing_cells"), points),
+        "following_cells_mean": _mean(counters.get("following_cells"), points),
         **{name: _whole(counters.get(name)) for name in COUNTERS},
         "processes": result.processes,
         "memory_mb_per_fls": result.memory_mb_per_fls,
@@ -90,6 +91,10 @@ def _first_single_swarm(progress: Progress, result: RunResult) -> float | None:
 
 def _whole(count: float | None) -> int | None:
     return None if count is None else round(count)
+
+
+def _mean(total: float | None, points: int) -> float | None:
+    return None if total is None else total / points
 
 
 def _lateness(late: Any) -> dict[str, float] | None:

@@ -7,17 +7,21 @@ name; `close` streams the chunks into one compressed file. A run that is killed 
 from __future__ import annotations
 
 import contextlib
+import math
 import shutil
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from swarmer.observe.files import PARTIAL, disk_errors, write_file
+
+if TYPE_CHECKING:
+    from swarmer.engines.result import Snapshot
 
 NAME = "timeline.npz"
 CHUNK_SAMPLES = 50
@@ -47,6 +51,20 @@ TYPES: dict[str, type[np.generic]] = {
 }
 
 
+def series_of(snapshot: Snapshot) -> dict[str, float | None]:
+    """What else a sample tells, a number each: every counter by its name, and how the engine does."""
+    live = snapshot.live
+    timer, handled = live.timer_late_ms, live.handled_late_ms
+    return {
+        **snapshot.counters,
+        "time_scale": live.time_scale,
+        "timer_late_p99_ms": timer and timer.p99,
+        "handled_late_p99_ms": handled and handled.p99,
+        "processes": live.processes,
+        "memory_mb": live.memory_mb,
+    }
+
+
 class TimelineWriter:
     """Takes frames, keeps chunks, ends as timeline.npz."""
 
@@ -57,11 +75,20 @@ class TimelineWriter:
         self._truth = np.asarray(truth, dtype=np.float64)
         self._frames: list[Frame] = []
         self._chunks: list[tuple[Path, int]] = []
+        self._series_name: tuple[str, ...] = ()
+        self._series: list[list[float]] = []
+        self.flown: NDArray[Any] | None = (
+            None  # (F, 2), cells, at the last sample; whoever looks puts it here
+        )
         frame_bytes = max(1, 20 * len(truth))
         self._chunk_samples = max(1, min(CHUNK_SAMPLES, CHUNK_BYTES // frame_bytes))
         with disk_errors(self.path):
             self.partial.mkdir(exist_ok=True)
         write_file(self.partial / "truth.npz", self._write_truth, durable=False)
+
+    @property
+    def _samples(self) -> int:
+        return len(self._frames) + sum(count for _, count in self._chunks)
 
     def _fixed(self) -> dict[str, Any]:
         return {"fid": np.arange(1, len(self._truth) + 1, dtype=np.int32), "truth": self._truth}
@@ -70,8 +97,15 @@ class TimelineWriter:
         fid, truth = self._fixed().values()
         np.savez(file, fid=fid, truth=truth)
 
-    def append(self, frame: Frame) -> None:
-        """Take a frame; its arrays are copied into the types of the file."""
+    def append(self, frame: Frame, series: Mapping[str, float | None] | None = None) -> None:
+        """Take a frame; its arrays are copied into the types of the file.
+
+        series: one number each of what else is known at this sample. Those that the first frame names are kept, NaN
+        where a later one has none.
+        """
+        if series and not self._samples:
+            self._series_name = tuple(series)
+        self._series.append([_number((series or {}).get(name)) for name in self._series_name])
         own = [np.array(value, dtype=TYPES[name]) for name, value in zip(Frame._fields, frame, strict=True)]
         self._frames.append(Frame(*own))  # type: ignore[arg-type]
         if len(self._frames) >= min(self._chunk_samples, FIRST_CHUNK_SAMPLES << min(len(self._chunks), 16)):
@@ -82,10 +116,13 @@ class TimelineWriter:
         if not self._frames:
             return
         columns = {name: np.stack([getattr(f, name) for f in self._frames]) for name in Frame._fields}
+        if self._series_name:
+            columns |= {"series_name": np.array(self._series_name), "series": np.array(self._series)}
         path = self.partial / f"{len(self._chunks):05d}.npz"
         write_file(path, lambda file: np.savez(file, allow_pickle=False, **columns), durable=False)
         self._chunks.append((path, len(self._frames)))
         self._frames.clear()
+        self._series.clear()
 
     def close(self) -> None:
         """Make timeline.npz of the chunks and remove them."""
@@ -98,14 +135,19 @@ class TimelineWriter:
 
     def _compact(self, file: BinaryIO) -> None:
         """Write the whole npz, an array at a time and of that a chunk at a time."""
-        samples = sum(count for _, count in self._chunks)
         shapes = {"position": self._truth.shape, "t_s": (), "hd_cells": ()}
+        types, fixed = dict(TYPES), self._fixed()
+        if self._series_name:
+            types["series"], shapes["series"] = np.float64, (len(self._series_name),)
+            fixed["series_name"] = np.array(self._series_name)
+        if self.flown is not None:
+            fixed["flown_cells"] = np.asarray(self.flown, dtype=np.float64)
         with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=COMPRESSION) as archive:
-            for name, array in self._fixed().items():
+            for name, array in fixed.items():
                 with archive.open(f"{name}.npy", "w") as member:
                     npy.write_array(member, array)
-            for name, dtype in TYPES.items():
-                shape = (samples, *shapes.get(name, (len(self._truth),)))
+            for name, dtype in types.items():
+                shape = (self._samples, *shapes.get(name, (len(self._truth),)))
                 header = {
                     "descr": npy.dtype_to_descr(np.dtype(dtype)),
                     "fortran_order": False,
@@ -120,3 +162,7 @@ class TimelineWriter:
         for path, _ in self._chunks:
             with np.load(path, allow_pickle=False) as chunk:
                 yield chunk[name]
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
