@@ -1,24 +1,65 @@
-"""`swarmer report`: one HTML file about one run or several, from what is whole in their directories."""
+"""`swarmer report`: one HTML file about one run or several, from what is whole in their directories.
+
+What a report of one run shows stands in `PARTS` and `FIGURES`, in this order. To add a section, write a function that
+gets the saved run and gives a `Part`, or None where the run has nothing for it (its rules: report_page.py), and name it
+in `PARTS`. It may listen to the moment that the view in space shows, and set it (report_assets/scene.js).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from swarmer.config import setting_facts
 from swarmer.engines.result import Live, RunResult, Snapshot
 from swarmer.errors import BadInput
-from swarmer.observe import report_figures, report_page
+from swarmer.observe import report_costs, report_figures, report_page, report_words
 from swarmer.observe.files import write_text
 from swarmer.observe.progress import Progress
-from swarmer.observe.report_page import Section, Setting
+from swarmer.observe.report_data import RunData, data_of
+from swarmer.observe.report_drawing import Absent, Figure
+from swarmer.observe.report_page import Part
+from swarmer.observe.report_scene import scene_part
+from swarmer.observe.report_several import several
 from swarmer.observe.run_directory import REPORT
 from swarmer.observe.saved_run import SavedRun, load
 from swarmer.observe.summary import make_summary
 
 RUNS_MAX = 24
+
+FIGURES: tuple[Callable[[RunData], Figure | Absent], ...] = (
+    report_figures.hd_figure,
+    report_figures.swarms_figure,
+    report_figures.cycles_figure,
+    report_figures.sizes_figure,
+    report_figures.work_figure,
+    report_figures.states_figure,
+    report_costs.distance_figure,
+    report_figures.failures_figure,
+    report_costs.rate_figure,
+    report_costs.kinds_figure,
+    report_costs.fidelity_figure,
+    report_figures.clouds_figure,
+)
+
+
+def figures_part(run: SavedRun) -> Part | None:
+    """The paper's figures for this run; None for a run without a sample."""
+    data = data_of(run)
+    if data is None:
+        return None
+    return Part("figures", "Figures", report_page.figures([make(data) for make in FIGURES]))
+
+
+PARTS: tuple[Callable[[SavedRun], Part | None], ...] = (
+    report_words.setting_part,
+    scene_part,
+    figures_part,
+    report_words.summary_part,
+    report_words.events_part,
+)
 
 
 def write_report(paths: list[Path], out: Path | None = None) -> Path:
@@ -44,9 +85,22 @@ def make_report(runs: list[SavedRun]) -> str:
     for run in runs:
         if not run.summary:
             run.summary = derived_summary(run)
-    if len(runs) == 1:
-        return report_page.single(runs[0], _own_figures(runs[0]), settings(runs[0].config))
-    return report_page.several(runs, _shared_figures(runs), _differing(runs))
+    return single(runs[0]) if len(runs) == 1 else several(runs)
+
+
+def single(run: SavedRun) -> str:
+    """The report of one run."""
+    above = [
+        report_page.note(str(run.summary["message"])) if run.summary.get("message") else "",
+        report_page.missing_note([run]),
+        report_words.tiles(run),
+    ]
+    points = run.summary.get("points")
+    heading = run.shape if points is None else f"{run.shape}: {points:,.0f} FLSs"
+    made = [part for make in PARTS if (part := make(run)) is not None]
+    return report_page.page(
+        f"swarmer: {run.name}", heading, report_words.verdict(run), report_words.lead(run), "\n".join(above), made
+    )  # fmt: skip
 
 
 def derived_summary(run: SavedRun) -> dict[str, Any]:
@@ -62,73 +116,15 @@ def derived_summary(run: SavedRun) -> dict[str, Any]:
             float(t_s), position, timeline.swarm[i], timeline.state[i], timeline.lit[i], alive, {}, live
         )
         progress.update(snapshot)
+    counters = {
+        name: float(values[-1]) for name, values in timeline.series.items() if np.isfinite(values[-1])
+    }
     engine = str(run.config.get("engine", "?"))
-    result = RunResult(engine, "unfinished", float(timeline.t_s[-1]), float("nan"))
+    result = RunResult(
+        engine, report_words.UNFINISHED, float(timeline.t_s[-1]), float("nan"), counters=counters
+    )
     seed = run.config.get("seed", run.manifest.get("seed", 0))
     return make_summary(progress, result, run.shape, len(timeline.truth), seed)
-
-
-def settings(config: dict[str, Any]) -> list[Setting]:
-    """The settings of a run, those that differ from their default first."""
-    flat = _flat(config)
-    known = [fact for fact in setting_facts() if fact.name in flat]
-    rows = [Setting(fact.name, flat.pop(fact.name), fact.default, fact.unit, fact.help) for fact in known]
-    rows += [Setting(name, value, None, "", "") for name, value in flat.items()]
-    return sorted(rows, key=lambda row: not row.changed)
-
-
-def _flat(config: dict[str, Any], lead: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for name, value in config.items():
-        if isinstance(value, dict):
-            flat |= _flat(value, f"{lead}{name}.")
-        else:
-            flat[f"{lead}{name}"] = value
-    return flat
-
-
-def _differing(runs: list[SavedRun]) -> dict[str, list[Any]]:
-    """Settings that are not the same in all runs, with their value in each."""
-    flats = [_flat(run.config) for run in runs]
-    names = dict.fromkeys(name for flat in flats for name in flat)
-    rows = {name: [flat.get(name) for flat in flats] for name in names}
-    return {name: values for name, values in rows.items() if any(value != values[0] for value in values)}
-
-
-def _own_figures(run: SavedRun) -> list[Section]:
-    timeline = run.timeline
-    if timeline is None or not len(timeline.t_s):
-        return []
-    curve = [report_figures.Curve(run.name, timeline)]
-    return [
-        Section(
-            "The display",
-            report_figures.clouds_figure(timeline),
-            "One colour a swarm; ground truth faint behind.",
-        ),
-        Section("Hausdorff distance", report_figures.hd_figure(curve, run.summary.get("time_to_hd_s")), ""),
-        Section("Swarms", report_figures.swarms_figure(curve), ""),
-        Section("States", report_figures.states_figure(timeline), ""),
-    ]
-
-
-def _shared_figures(runs: list[SavedRun]) -> list[Section]:
-    labels = _labels(runs)
-    seen = [(label, run.timeline) for label, run in zip(labels, runs, strict=True)]
-    curves = [report_figures.Curve(label, line) for label, line in seen if line is not None and len(line.t_s)]
-    if not curves:
-        return []
-    figures = [
-        Section("Hausdorff distance", report_figures.hd_figure(curves), ""),
-        Section("Swarms", report_figures.swarms_figure(curves), ""),
-    ]
-    return figures + [Section(label, report_figures.clouds_figure(line), "") for label, line in curves]
-
-
-def _labels(runs: list[SavedRun]) -> list[str]:
-    """A name for each run, each only once."""
-    names = [run.name for run in runs]
-    return [name if names.count(name) == 1 else f"{name} ({i})" for i, name in enumerate(names, 1)]
 
 
 def _refuse_foreign(out: Path) -> None:

@@ -1,130 +1,329 @@
-"""The report's figures as inline SVG: no request leaves the page, and colours follow its light or dark ground."""
+"""The paper's figures (SwarMer, sections 4 and 6) for one run: the swarm, its work, its distances."""
 
 from __future__ import annotations
 
-import io
-import re
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from swarmer.observe.palette import STATE_COLOURS, STATES, Palette
 from swarmer.observe.progress import THRESHOLDS
+from swarmer.observe.report_data import FAILURES, RunData
+from swarmer.observe.report_drawing import (
+    FAINT,
+    LINES,
+    RAMP,
+    SOFT,
+    Absent,
+    Figure,
+    columns_of,
+    legend_above,
+    logarithmic,
+    over_time,
+    svg_of,
+    thinned,
+)
+from swarmer.observe.report_words import reached_of
 from swarmer.observe.saved_run import SavedTimeline
+from swarmer.observe.words import cells, swarms
 from swarmer.shapes.views import seen_from, usual_view
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as Canvas
 
-# Colours of text and lines while matplotlib draws; the page's own take their place.
-INK, GRID, FAINT = "#010203", "#040506", "#070809"
-PAGE_COLOURS = {INK: "currentColor", GRID: "var(--grid)", FAINT: "var(--faint)"}
-LINES = ("#3d8bd9", "#e4572e", "#2a9d6f", "#8d6bd1", "#c98a06", "#c2438a", "#5b7083", "#7aa40d")
-VECTOR_POINTS = 4000  # a cloud of more points is drawn as pixels
-LINE_POINTS = 2000  # samples of a curve that are drawn
-
-STYLE: dict[Any, Any] = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "swarmer",
-    "font.size": 10,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": GRID,
-    "axes.facecolor": "none",
-    "axes.grid": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "figure.facecolor": "none",
-    "grid.color": GRID,
-    "grid.linewidth": 0.6,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "legend.frameon": False,
-    "lines.linewidth": 1.8,
-}
+VECTOR_POINTS = 3000  # a cloud of more points is drawn as pixels
+CSV_POINTS = 5000  # of a cloud that are written down in the page; all are in timeline.npz
+CYCLES_DRAWN = 60
+OLD = "this run was written by a version that did not keep it"
+NO_RADIO = "this engine has no radio, or the run is of a version that did not keep it"
+WORK = (
+    ("localizations", "localizations"), ("anchorings", "anchorings"), ("leases_granted", "leases granted"),
+    ("leases_expired", "leases expired"),
+)  # fmt: skip
 
 
-class Curve(NamedTuple):
-    """A run in a figure of several."""
+def hd_figure(data: RunData) -> Figure | Absent:
+    """HD over time, with and without translation, thresholds dotted, thaws below."""
+    title, (t, hd) = "Hausdorff distance", data.hd
+    if not len(t):
+        return Absent(title, "never were two FLSs lit at once")
+    t_absolute, absolute = data.hd_absolute
+    reached = reached_of(data.run.summary)
 
-    label: str
-    timeline: SavedTimeline
+    def draw(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        logarithmic(axes)
+        axes.plot(*thinned(t[hd > 0], hd[hd > 0]), color=LINES[0], label="translated")
+        shown = absolute > 0
+        axes.plot(
+            *thinned(t_absolute[shown], absolute[shown]),
+            color=LINES[1],
+            linestyle=(0, (4, 2)),
+            label="absolute",
+        )
+        _thresholds(axes, min(hd[hd > 0], default=1.0))
+        for name, at in reached.items():
+            if at is not None and name != "0.09":
+                axes.plot([at], [float(name)], "o", color=LINES[0], markersize=4)
+        _thaw_marks(axes, data)
+        axes.set_ylabel("HD [cells]")
+        over_time(axes, data.clock, 2)
+
+    first, last = hd[0], hd[-1]
+    below = ", ".join(f"below {name} {data.clock.say(at)}" for name, at in reached.items() if at is not None)
+    alt = f"HD falls from {cells(first)} cells to {cells(last)} at the end" if last < first else (
+        f"HD goes from {cells(first)} cells to {cells(last)} at the end"
+    )  # fmt: skip
+    rows = columns_of(
+        t, hd, np.interp(t, t_absolute, absolute) if len(t_absolute) else np.full(len(t), np.nan)
+    )
+    caption = (
+        "Of the lit FLSs, logarithmic. Translated: after moving all by the mean of their errors, as in the paper, for "
+        "SwarMer is relative; absolute: without. Dots: first below 1, 0.1, ... cells. Ticks at the bottom: thaws."
+    )
+    return Figure(
+        "hd", title, svg_of("hd", f"{alt}. {below}", draw), caption, alt,
+        [data.clock.column, "hd_cells", "hd_absolute_cells"], rows,
+    )  # fmt: skip
 
 
-def hd_figure(curves: Sequence[Curve], reached: dict[str, float | None] | None = None) -> str:
-    """HD over time on a logarithmic axis, thresholds dotted; `reached` marks when one run got below each."""
-
-    def draw(figure: Figure) -> None:
-        axes = figure.add_subplot()
-        axes.set_yscale("log")
-        lowest = np.inf
-        for i, (label, timeline) in enumerate(curves):
-            shown = np.isfinite(timeline.hd_cells) & (timeline.hd_cells > 0)
-            t_s, hd = _thinned(timeline.t_s[shown], timeline.hd_cells[shown])
-            axes.plot(t_s, hd, color=LINES[i % len(LINES)], label=label)
-            lowest = min([lowest, *hd])
-        for name in THRESHOLDS:
-            if float(name) > 0.5 * lowest and name != "0.09":
-                axes.axhline(float(name), color=FAINT, linewidth=0.8, linestyle=(0, (2, 3)))
-        for name, t_s in (reached or {}).items():
-            if t_s is not None and name != "0.09":
-                axes.plot([t_s], [float(name)], "o", color=LINES[0], markersize=5)
-                note = f"< {name}: {t_s:.1f} s"
-                axes.annotate(note, (t_s, float(name)), (6, 4), textcoords="offset points", fontsize=9)
-        axes.set_ylabel("Hausdorff distance [cells]")
-        _finish_over_time(axes, len(curves) > 1)
-
-    return _svg(draw, 7.6, 3.6)
+def _thresholds(axes: Axes, lowest: float) -> None:
+    for name in THRESHOLDS:
+        if float(name) > 0.5 * lowest and name != "0.09":
+            axes.axhline(float(name), color=FAINT, linewidth=0.8, linestyle=(0, (2, 3)))
 
 
-def swarms_figure(curves: Sequence[Curve]) -> str:
-    """Number of swarms over time, logarithmic."""
+def _thaw_marks(axes: Axes, data: RunData) -> None:
+    thaws = data.moments("thaw")
+    if len(thaws):
+        axes.vlines(thaws, 0, 0.035, transform=axes.get_xaxis_transform(), color=SOFT, linewidth=0.8)
 
-    def draw(figure: Figure) -> None:
-        axes = figure.add_subplot()
-        axes.set_yscale("symlog", linthresh=1)
-        for i, (label, timeline) in enumerate(curves):
-            axes.plot(*_thinned(timeline.t_s, timeline.swarms()), color=LINES[i % len(LINES)], label=label)
+
+def swarms_figure(data: RunData) -> Figure:
+    """How many swarms, and how large the largest."""
+
+    def draw(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        logarithmic(axes, zero=True)
+        axes.plot(*thinned(data.t, data.swarms), color=LINES[0], label="swarms")
+        axes.plot(
+            *thinned(data.t, data.largest), color=LINES[2], linestyle=(0, (4, 2)), label="FLSs in the largest"
+        )
+        _thaw_marks(axes, data)
+        over_time(axes, data.clock, 2)
+
+    last = swarms(int(data.swarms[-1]))
+    alt = f"Up to {data.swarms.max()} swarms; {last} at the end, the largest of {data.largest[-1]}"
+    caption = "Logarithmic, with a place for 0. At a thaw each FLS is a swarm of its own again. Ticks: thaws."
+    rows = columns_of(data.t, data.swarms, data.largest)
+    return Figure(
+        "swarms", "Swarms", svg_of("swarms", alt, draw), caption, alt, [data.clock.column, "swarms", "largest"], rows
+    )  # fmt: skip
+
+
+def cycles_figure(data: RunData) -> Figure | Absent:
+    """Swarms since the last thaw, a line for each cycle."""
+    title, cycles = "Swarms in each thaw cycle", data.cycles
+    if len(cycles) < 2:
+        return Absent(title, "the display never thawed")
+    drawn = cycles[1:][:: -(-len(cycles) // CYCLES_DRAWN)]
+
+    def draw(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        logarithmic(axes, zero=True)
+        first = cycles[0]
+        axes.plot(
+            first.since_s, first.swarms, color=LINES[1], linestyle=(0, (4, 2)), label="from the deployment on"
+        )
+        for i, cycle in enumerate(drawn):
+            shade = RAMP[round((len(RAMP) - 1) * i / max(len(drawn) - 1, 1))]
+            label = {0: "after the first thaw", len(drawn) - 1: "after the last"}.get(i)
+            axes.plot(
+                cycle.since_s, cycle.swarms, color=shade, linewidth=1.0, marker=".", markersize=2, label=label
+            )
+        axes.set_xlim(
+            0, max(1.5 * np.median([cycle.since_s[-1] for cycle in drawn]), 1e-3, first.since_s[-1])
+        )
         axes.set_ylabel("swarms")
-        axes.set_ylim(bottom=0)
-        axes.yaxis.set_major_formatter("{x:g}")
-        _finish_over_time(axes, len(curves) > 1)
+        over_time(axes, data.clock, 3)
+        axes.set_xlabel(data.clock.since)
 
-    return _svg(draw, 7.6, 2.6)
+    rows = [
+        [
+            i,
+            *columns_of(
+                [cycle.begin_s], [cycle.end_s - cycle.begin_s], [cycle.swarms.max()], [cycle.swarms.min()]
+            )[0],
+        ]
+        for i, cycle in enumerate(cycles)
+    ]
+    single = sum(int(cycle.swarms.min()) == 1 for cycle in cycles)
+    alt = f"{len(cycles)} cycles; a sample shows one swarm in {single} of them"
+    caption = (
+        f"Each line is one of {len(drawn)} cycles, from a thaw to the next. A thaw at one swarm ends it at once, so "
+        "samples often miss that moment."
+    )
+    titles = [
+        "cycle",
+        f"begin_{data.clock.column}",
+        f"length_{data.clock.column}",
+        "most_swarms",
+        "fewest_swarms",
+    ]
+    return Figure("cycles", title, svg_of("cycles", alt, draw), caption, alt, titles, rows)
 
 
-def states_figure(timeline: SavedTimeline) -> str:
+def sizes_figure(data: RunData) -> Figure:
+    """In swarms of which size the FLSs are, stacked."""
+    edges = [1, 2]
+    while edges[-1] <= data.points:
+        edges.append(4 * edges[-1] if len(edges) > 2 else 5)
+    edges = [edge for edge in edges if edge <= data.points][: len(RAMP)]
+    bounds = np.array([*edges, np.inf])
+    counts = np.stack([np.histogram(sizes, bounds, weights=sizes)[0] for sizes in data.sizes])
+    names = [_size_name(low, high, data.points) for low, high in pairwise(bounds)]
+
+    def draw(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        axes.stackplot(data.t, 100 * counts.T / data.points, colors=RAMP, labels=names, linewidth=0)
+        axes.set_ylabel("% of the FLSs, in swarms of ...")
+        axes.set_ylim(0, 100)
+        over_time(axes, data.clock, len(names))
+
+    alone = 100 * counts[-1, 0] / data.points
+    most = f"{data.largest[-1]} of {data.points}"
+    alt = f"At the end {alone:.0f} % of the FLSs are alone and the largest swarm has {most}"
+    caption = "The share of the FLSs that are in a swarm of each size; what is missing to 100 % is dark."
+    rows = columns_of(data.t, *counts.T)
+    titles = [data.clock.column, *(f"flss_in_swarms_of_{name.replace('–', '_to_')}" for name in names)]
+    return Figure("sizes", "Sizes of swarms", svg_of("sizes", alt, draw), caption, alt, titles, rows)
+
+
+def _size_name(low: float, high: float, points: int) -> str:
+    last = min(high - 1, points)
+    return f"{low:.0f}" if last <= low else f"{low:.0f}–{last:.0f}"
+
+
+def work_figure(data: RunData) -> Figure | Absent:
+    """Localizations, anchorings, leases: totals over time."""
+    title = "Localizations, anchorings, leases"
+    known = [(label, name, data.series(name)) for name, label in WORK]
+    shown = [(label, name, values) for label, name, values in known if values is not None]
+    if not shown:
+        return Absent(title, OLD)
+
+    def draw(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        logarithmic(axes, zero=True)
+        for i, (label, _, values) in enumerate(shown):
+            style = ("-", (0, (4, 2)), "-", (0, (1.5, 1.5)))[i % 4]
+            axes.plot(*thinned(data.t, values), color=LINES[i], linestyle=style, label=label)
+        axes.set_ylabel("so far")
+        over_time(axes, data.clock, 4)
+
+    alt = "At the end: " + ", ".join(f"{values[-1]:,.0f} {label}" for label, _, values in shown)
+    caption = "Totals of all FLSs, logarithmic. A lease expires if its localizer was not heard of in time."
+    rows = columns_of(data.t, *(values for *_, values in shown))
+    titles = [data.clock.column, *(name for _, name, _ in shown)]
+    return Figure("work", title, svg_of("work", alt, draw), caption, alt, titles, rows)
+
+
+def failures_figure(data: RunData) -> Figure | Absent:
+    """HD and who is dark, with the moments of failures."""
+    title, failed = "What failures do to HD", data.moments(*FAILURES)
+    if not len(failed):
+        return Absent(title, "no FLS failed")
+    (t, hd), replaced = data.hd, data.moments("replacement")
+
+    def draw(canvas: Canvas) -> None:
+        above, below = canvas.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+        logarithmic(above)
+        if len(t):
+            above.plot(*thinned(t[hd > 0], hd[hd > 0]), color=LINES[0])
+        above.vlines(
+            failed,
+            0,
+            0.08,
+            transform=above.get_xaxis_transform(),
+            color=LINES[1],
+            linewidth=0.9,
+            label="a failure",
+        )
+        above.set_ylabel("HD [cells]")
+        legend_above(above, 1)
+        below.plot(*thinned(data.t, data.dark), color=LINES[1], drawstyle="steps-post")
+        below.set_ylabel("dark FLSs")
+        below.set_ylim(bottom=0)
+        over_time(below, data.clock)
+
+    alt = (
+        f"{len(failed)} failures and {len(replaced)} replacements; up to {data.dark.max()} FLSs dark at once"
+    )
+    caption = (
+        "HD rises when a replacement arrives, with the error of its flight, and falls again as it localizes. Below: "
+        "FLSs that were lit once and are dark."
+    )
+    rows = columns_of(data.t, data.timeline.hd_cells, data.dark)
+    return Figure(
+        "failures", title, svg_of("failures", alt, draw, height=3.1), caption, alt,
+        [data.clock.column, "hd_cells", "dark"], rows,
+    )  # fmt: skip
+
+
+def states_figure(data: RunData) -> Figure:
     """FLSs in each state over time, stacked."""
 
-    def draw(figure: Figure) -> None:
-        axes = figure.add_subplot()
-        t_s, states = _thinned(timeline.t_s, timeline.states(len(STATES)))
-        axes.stackplot(t_s, states.T, colors=STATE_COLOURS, labels=STATES, linewidth=0)
+    def draw(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        t, states = thinned(data.t, data.states)
+        axes.stackplot(t, states.T, colors=STATE_COLOURS, labels=STATES, linewidth=0)
         axes.set_ylabel("FLSs")
         axes.margins(y=0)
-        _finish_over_time(axes, False)
-        axes.legend(
-            loc="upper center", bbox_to_anchor=(0.5, 1.16), ncols=len(STATES), fontsize=9, handlelength=1.0
-        )
+        over_time(axes, data.clock)
+        legend_above(axes, len(STATES), 7.5)
 
-    return _svg(draw, 7.6, 2.8)
+    last = ", ".join(f"{n} {state}" for state, n in zip(STATES, data.states[-1], strict=True) if n)
+    alt = f"At the end: {last}"
+    caption = (
+        "How many FLSs are in each state, stacked. Waiting: another FLS of its swarm anchors or localizes."
+    )
+    titles = [data.clock.column, *(state.lower().replace(" ", "_") for state in STATES)]
+    return Figure(
+        "states", "States", svg_of("states", alt, draw), caption, alt, titles, columns_of(data.t, *data.states.T)
+    )  # fmt: skip
 
 
-def clouds_figure(timeline: SavedTimeline) -> str:
+def clouds_figure(data: RunData, key: str = "clouds") -> Figure:
     """The display when all had landed, and at the end; ground truth faint behind, one colour a swarm."""
+    timeline = data.timeline
+    moments = (("landed", first_all_lit(timeline)), ("at the end", len(timeline.t_s) - 1))
 
-    def draw(figure: Figure) -> None:
-        first = first_all_lit(timeline)
-        for place, (title, at) in enumerate((("landed", first), ("at the end", len(timeline.t_s) - 1)), 1):
-            axes = figure.add_subplot(1, 2, place)
+    def draw(canvas: Canvas) -> None:
+        for place, (title, at) in enumerate(moments, 1):
+            axes = canvas.add_subplot(1, 2, place)
             _cloud(axes, timeline, at)
             axes.set_title(
-                f"{title}: {timeline.t_s[at]:.1f} s, HD {timeline.hd_cells[at]:.3g} cells", fontsize=10
+                f"{title}: {data.clock.say(timeline.t_s[at])}\nHD {cells(timeline.hd_cells[at])} cells"
             )
 
-    return _svg(draw, 7.6, 3.7)
+    alt = "; ".join(
+        f"{title}, {data.clock.say(timeline.t_s[at])}: {swarms(int(data.swarms[at]))}, "
+        f"HD {cells(timeline.hd_cells[at])} cells"
+        for title, at in moments
+    )
+    at, every = moments[-1][1], slice(None, None, -(-data.points // CSV_POINTS))
+    fids = np.arange(1, data.points + 1)[every]
+    rows = columns_of(
+        fids, *timeline.truth[every].T, *timeline.position[at][every].T, timeline.swarm[at][every]
+    )
+    titles = ["fid", "truth_l", "truth_h", "truth_d", "l", "h", "d", "swarm"]
+    which = "every FLS" if len(rows) == data.points else f"{len(rows):,} FLSs"
+    caption = f"One colour a swarm; grey: where the FLSs belong. The CSV has {which} at the end, in cells."
+    return Figure(
+        key, "The display at two moments", svg_of(key, alt, draw, height=2.9), caption, alt, titles, rows
+    )  # fmt: skip
 
 
 def first_all_lit(timeline: SavedTimeline) -> int:
@@ -138,7 +337,7 @@ def _cloud(axes: Axes, timeline: SavedTimeline, at: int) -> None:
     view = usual_view(2 if np.ptp(truth[:, 2]) == 0 else 3)
     lit = timeline.lit[at]
     pixels = len(truth) > VECTOR_POINTS
-    size = float(np.clip(2600 / len(truth), 0.6, 14))
+    size = float(np.clip(1300 / len(truth), 0.5, 9))
     seen = seen_from(truth, view)
     axes.scatter(seen[:, 0], seen[:, 1], s=0.5 * size, color=FAINT, linewidths=0, rasterized=pixels)
     where = seen_from(timeline.position[at].astype(float), view)[lit]
@@ -151,35 +350,3 @@ def _cloud(axes: Axes, timeline: SavedTimeline, at: int) -> None:
     room = 0.12 * max(*(high - low), 1.0)
     axes.set_xlim(low[0] - room, high[0] + room)
     axes.set_ylim(low[1] - room, high[1] + room)
-
-
-def _thinned(t_s: Any, values: Any) -> tuple[Any, Any]:
-    step = max(1, len(t_s) // LINE_POINTS)
-    return t_s[::step], values[::step]
-
-
-def _finish_over_time(axes: Axes, legend: bool) -> None:
-    axes.set_xlabel("emulated time [s]")
-    axes.margins(x=0.01)
-    axes.set_xlim(left=0)
-    if legend:
-        axes.legend(fontsize=9)
-
-
-def _svg(draw: Callable[[Figure], None], width: float, height: float) -> str:
-    """One SVG element, without prolog, with the page's colours; width and height in inches."""
-    import matplotlib
-    from matplotlib.figure import Figure
-
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        draw(figure)
-        text = io.StringIO()
-        figure.savefig(text, format="svg", metadata={"Date": None}, dpi=160)
-    svg = text.getvalue()
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = re.sub(r"<style type=\"text/css\">.*?</style>", "", svg, flags=re.DOTALL)
-    for sentinel, colour in PAGE_COLOURS.items():
-        svg = svg.replace(sentinel, colour)
-    return svg

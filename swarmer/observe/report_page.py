@@ -1,294 +1,163 @@
-"""The report's HTML: one file, no script, no request; light and dark, on screen and on paper."""
+"""The report's HTML: one file that asks the network for nothing; light and dark, on screen, phone and paper.
+
+A page is a head, one sentence, and parts in order, each with a heading of the second level. A part is made elsewhere by
+a function that gets the saved run; what it must keep to:
+
+- its HTML is escaped (`esc`), its headings begin at the third level, its ids begin with its key;
+- colours are the variables of report_assets/page.css, and nothing is wider than 390 pixels but inside `.scroll`;
+- a script is a file in report_assets/ that is named in `SCRIPTS`: the page's policy lets no other run, and refuses all
+  requests; data for it goes into `data_block`.
+"""
 
 from __future__ import annotations
 
-import math
-import shlex
+import base64
+import csv
+import hashlib
+import io
 from collections.abc import Sequence
 from html import escape
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import swarmer
+from swarmer.observe.report_drawing import Absent, Figure
 from swarmer.observe.saved_run import SavedRun
-from swarmer.observe.words import cells, count, seconds
 
 GENERATOR = '<meta name="generator" content="swarmer report">'
-EVENTS_SHOWN = 200
+ASSETS = Path(__file__).parent / "report_assets"
+SCRIPTS = ("page.js", "scene.js")
+TABLE_ROWS = 25  # shown of a figure's data; all of it is in the CSV
 
-STYLE = """
-:root { color-scheme: light dark; --ground: #fbfbfa; --card: #ffffff; --ink: #1d2330; --soft: #626b7c;
-  --grid: #d9dde3; --faint: #b4bac4; --accent: #2f7fd0; --warn: #b3470f; --good: #1f7a55; }
-@media (prefers-color-scheme: dark) { :root { --ground: #0f131a; --card: #171c25; --ink: #dfe4ec; --soft: #98a2b3;
-  --grid: #2d3542; --faint: #4a5364; --accent: #6cb0f5; --warn: #f0a35e; --good: #5cc79a; } }
-* { box-sizing: border-box; }
-body { margin: 0; background: var(--ground); color: var(--ink); font: 15px/1.5 system-ui, sans-serif; }
-main { max-width: 60rem; margin: 0 auto; padding: 2.2rem 1.2rem 4rem; }
-h1 { font-size: 1.7rem; margin: 0; letter-spacing: -.01em; }
-h2 { font-size: 1.1rem; margin: 2.2rem 0 .6rem; }
-p.lead { color: var(--soft); margin: .2rem 0 1.4rem; }
-.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(11rem, 1fr)); gap: .7rem; }
-.tile, figure, .note, pre { background: var(--card); border: 1px solid var(--grid); border-radius: .6rem;
-  padding: .8rem 1rem; }
-.tile b { display: block; font-size: 1.45rem; font-weight: 600; font-variant-numeric: tabular-nums; }
-.tile span { color: var(--soft); font-size: .85rem; }
-.good { color: var(--good); } .warn { color: var(--warn); }
-figure { margin: 0; } figure svg { width: 100%; height: auto; display: block; color: var(--ink); }
-figure svg text { font-family: system-ui, sans-serif !important; }
-figcaption { color: var(--soft); font-size: .85rem; }
-.note { border-left: 4px solid var(--warn); margin: 1rem 0; } .note ul { margin: .3rem 0 0; padding-left: 1.2rem; }
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; font-size: .9rem; }
-td, th { text-align: left; padding: .28rem .8rem .28rem 0; border-bottom: 1px solid var(--grid); vertical-align: top; }
-th { color: var(--soft); font-weight: 500; } td.help { color: var(--soft); }
-tr.changed td:nth-child(2) { font-weight: 600; }
-pre, code { font: .87rem/1.5 ui-monospace, monospace; }
-pre { overflow-x: auto; }
-summary { cursor: pointer; color: var(--accent); margin: .6rem 0; }
-footer { color: var(--soft); font-size: .85rem; margin-top: 3rem; }
-@media print { body { background: none; font-size: 10pt; } main { max-width: none; padding: 0; }
-  figure, .tile, .note { break-inside: avoid; } h2 { break-after: avoid; } }
-"""
+THEME = """<p class="theme needs-script"><label for=theme>Colours</label> <select id=theme>
+<option value=system>as the system</option><option value=light>light</option><option value=dark>dark</option>
+</select></p>"""
 
 
-class Section(NamedTuple):
-    """A figure with its heading."""
+class Part(NamedTuple):
+    """A section of the page."""
 
+    key: str  # its id
     title: str
-    svg: str
-    caption: str
+    html: str
 
 
-class Setting(NamedTuple):
-    """A row of the table of settings."""
-
-    name: str
-    value: Any
-    default: Any
-    unit: str
-    help: str
-
-    @property
-    def changed(self) -> bool:
-        """True if it is not the default."""
-        return bool(_text(self.value) != _text(self.default))
+def esc(text: object) -> str:
+    """Any text as HTML; also inside quoted attributes."""
+    return escape(str(text), quote=True)
 
 
-def single(run: SavedRun, figures: Sequence[Section], settings: Sequence[Setting]) -> str:
-    """The report of one run."""
-    summary = run.summary
-    body = [
-        f"<h1>{escape(run.shape)}: {_text(summary.get('points'))} FLSs</h1>",
-        f"<p class=lead>{escape(_lead(run))}</p>",
-        _note(summary.get("message")),
-        _missing([run]),
-        _tiles(summary),
-        *map(_figure, figures),
-        _settings(settings),
-        _summary_table(summary),
-        _events(run),
-        _reproduce([run]),
-    ]
-    return _page(f"swarmer: {run.name}", body)
-
-
-def several(runs: Sequence[SavedRun], figures: Sequence[Section], differing: dict[str, list[Any]]) -> str:
-    """The report of several runs, side by side."""
-    names = [run.name for run in runs]
-    keys = dict.fromkeys(key for run in runs for key in run.summary)
-    rows = {key: [_text(run.summary.get(key)) for run in runs] for key in keys if key != "format"}
-    rows = {key: row for key, row in rows.items() if set(row) != {"–"}}
-    body = [
-        f"<h1>{len(runs)} runs compared</h1>",
-        f"<p class=lead>{escape(', '.join(names))}</p>",
-        _missing(runs),
-        *map(_figure, figures[:2]),
-        "<h2>Settings that differ</h2>",
-        _side_by_side(names, {key: [_text(value) for value in row] for key, row in differing.items()})
-        if differing
-        else "<p>None: the runs differ in nothing that is set.</p>",
-        "<h2>Summaries</h2>",
-        _side_by_side(names, rows),
-        *map(_figure, figures[2:]),
-        _reproduce(runs),
-    ]
-    return _page(f"swarmer: {len(runs)} runs", body)
-
-
-def _page(title: str, body: Sequence[str]) -> str:
-    head = (
-        f"<!doctype html>\n<html lang=en><head><meta charset=utf-8>\n{GENERATOR}\n"
-        f'<meta name=viewport content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>{STYLE}</style></head>\n<body><main>\n"
+def page(title: str, heading: str, verdict: str, lead: str, above: str, parts: Sequence[Part]) -> str:
+    """The whole file. title, heading, verdict, lead: plain text; above: HTML between those and the parts."""
+    scripts = [(ASSETS / name).read_text("utf-8") for name in SCRIPTS]
+    links = "".join(f'<li><a href="#{esc(part.key)}">{esc(part.title)}</a></li>' for part in parts)
+    body = "\n".join(
+        f'<section id="{esc(part.key)}" aria-labelledby="{esc(part.key)}-title">'
+        f'<h2 id="{esc(part.key)}-title">{esc(part.title)}</h2>\n{part.html}</section>'
+        for part in parts
     )
-    foot = f"<footer>Made by swarmer {escape(swarmer.__version__)}.</footer>\n</main></body></html>\n"
-    return head + "\n".join(part for part in body if part) + "\n" + foot
-
-
-def _lead(run: SavedRun) -> str:
-    summary = run.summary
-    parts = [
-        str(summary.get("status", "nothing whole")),
-        f"engine {summary.get('engine', '?')}",
-        f"seed {summary.get('seed', '?')}",
-    ]
-    if summary.get("emulated_s") is not None:
-        parts.append(f"{summary['emulated_s']:.1f} s emulated")
-    if summary.get("wall_s") is not None:
-        parts.append(f"in {summary['wall_s']:.1f} s")
-    if run.manifest.get("started"):
-        parts.append(f"started {run.manifest['started']}")
-    return ", ".join(parts)
-
-
-def _tiles(summary: dict[str, Any]) -> str:
-    if not summary:
-        return ""
-    single = summary.get("first_single_swarm_s")
-    reached = (summary.get("time_to_hd_s") or {}).get("0.01")
-    tiles = [
-        (cells(summary.get("hd_cells")), "HD at the end, cells", ""),
-        (cells(summary.get("hd_min_cells")), "lowest HD, cells", ""),
-        (seconds(reached), "until HD < 0.01", ""),
-        (seconds(single), f"until one swarm ({_times(summary.get('single_swarm_count'))})", ""),
-        (cells(summary.get("distance_cells_mean")), "cells flown by an FLS, mean", ""),
-        (count(summary.get("datagrams_sent")), "datagrams sent", ""),
-        (_late(summary, "timer_late_ms"), "timers late, p99, emulated", ""),
-        (_late(summary, "handled_late_ms"), "messages late, p99, emulated", ""),
-    ]
-    faithful = summary.get("faithful")
-    if faithful is not None:
-        scale = summary.get("suggested_time_scale")
-        advice = "" if faithful or scale is None else f"; --time-scale {scale:.2g} would do"
-        word = "faithful" if faithful else "not faithful"
-        tiles.append(
-            (word, f"time scale {summary.get('time_scale') or 0:.2g}{advice}", "good" if faithful else "warn")
-        )
-    cards = (
-        f"<div class=tile><b class='{kind}'>{escape(big)}</b><span>{escape(small)}</span></div>"
-        for big, small, kind in tiles
-        if big != "–"
+    style = (ASSETS / "page.css").read_text("utf-8")
+    return (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n{GENERATOR}\n{_policy(scripts)}\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{esc(title)}</title>\n<style>{style}</style></head>\n"
+        '<body><a class=skip href="#main">To the figures</a>\n'
+        f"<header><div class=top><h1>{esc(heading)}</h1>{THEME}</div>\n"
+        f"<p class=verdict>{esc(verdict)}</p>\n<p class=lead>{esc(lead)}</p></header>\n"
+        f'<nav class=parts aria-label="Parts of this report"><ul>{links}</ul></nav>\n'
+        f"<main id=main tabindex=-1>\n{above}\n{body}\n</main>\n"
+        f"<footer>Made by swarmer {esc(swarmer.__version__)}. This file is whole: it needs no other and no network."
+        "</footer>\n" + "".join(f"<script>{script}</script>\n" for script in scripts) + "</body></html>\n"
     )
-    return f"<div class=tiles>{''.join(cards)}</div>"
 
 
-def _times(number: Any) -> str:
-    return "once" if number == 1 else f"{_text(number)} times"
-
-
-def _late(summary: dict[str, Any], name: str) -> str:
-    late = summary.get(name)
-    return "–" if not isinstance(late, dict) or late.get("p99") is None else f"{late['p99']:.0f} ms"
-
-
-def _figure(section: Section) -> str:
-    caption = f"<figcaption>{escape(section.caption)}</figcaption>" if section.caption else ""
-    return f"<h2>{escape(section.title)}</h2><figure>{section.svg}{caption}</figure>"
-
-
-def _note(text: Any) -> str:
-    return f"<div class=note>{escape(str(text))}</div>" if text else ""
-
-
-def _missing(runs: Sequence[SavedRun]) -> str:
-    lines = [(f"{run.name}: " if len(runs) > 1 else "") + line for run in runs for line in run.missing]
-    if not lines:
-        return ""
-    items = "".join(f"<li>{escape(line)}</li>" for line in lines)
-    return f"<div class=note>Not everything is there; this report shows what is whole.<ul>{items}</ul></div>"
-
-
-def _settings(rows: Sequence[Setting]) -> str:
-    if not rows:
-        return ""
-    changed = [row for row in rows if row.changed]
-    same = [row for row in rows if not row.changed]
-    first = _setting_rows(changed) if changed else "<p>All are at their defaults.</p>"
-    rest = (
-        f"<details><summary>{len(same)} settings at their defaults</summary>{_setting_rows(same)}</details>"
-        if same
-        else ""
+def _policy(scripts: Sequence[str]) -> str:
+    """Only our own scripts run, and nothing is fetched, whatever a name in a run directory says."""
+    digests = (base64.b64encode(hashlib.sha256(one.encode()).digest()).decode() for one in scripts)
+    allowed = " ".join(f"'sha256-{digest}'" for digest in digests)
+    return (
+        '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; '
+        f"script-src {allowed}; style-src 'unsafe-inline'; img-src data:; form-action 'none'; base-uri 'none'\">"
     )
-    return f"<h2>Settings</h2>{first}{rest}"
 
 
-def _setting_rows(rows: Sequence[Setting]) -> str:
-    lines = "".join(
-        f"<tr class='{'changed' if row.changed else ''}'><td><code>{escape(row.name)}</code></td>"
-        f"<td>{escape(_text(row.value))} {escape(row.unit)}</td>"
-        f"<td>{escape(_text(row.default)) if row.changed else ''}</td><td class=help>{escape(row.help)}</td></tr>"
-        for row in rows
+def data_block(key: str, text: str) -> str:
+    """Data for a script: found by its id, never run."""
+    return f'<script type="application/octet-stream" id="{esc(key)}">{text.replace("<", chr(92) + "u003c")}</script>'
+
+
+def figures(made: Sequence[Figure | Absent]) -> str:
+    """A grid of figures, and a word on those for which there is no data."""
+    shown = "".join(figure_html(one) for one in made if isinstance(one, Figure))
+    absent = [one for one in made if isinstance(one, Absent)]
+    words = "".join(f"<li>{esc(one.title)}: {esc(one.why)}</li>" for one in absent)
+    note = f'<div class="soft absent"><p>Left out:</p><ul>{words}</ul></div>' if absent else ""
+    return (f"<div class=figures>{shown}</div>" if shown else "") + note
+
+
+def figure_html(figure: Figure) -> str:
+    """A figure with its caption, its data as a table, and both to take away."""
+    key, data = esc(figure.key), base64.b64encode(csv_of(figure).encode()).decode()
+    return (
+        f'<figure id="{key}"{" class=wide" if figure.wide else ""}><h3>{esc(figure.title)}</h3>{figure.svg}'
+        f"<figcaption>{esc(figure.caption)}</figcaption><div class=take>"
+        f'<button class=needs-script type=button data-svg="{key}" aria-label="Save as SVG: {esc(figure.title)}">'
+        f'SVG</button> <a download="{key}.csv" href="data:text/csv;base64,{data}" '
+        f'aria-label="Save the data as CSV: {esc(figure.title)}">CSV</a>'
+        f"<details><summary>Data</summary>{_data_table(figure)}</details></div></figure>"
     )
-    head = "<tr><th>setting<th>value<th>default<th></tr>" if rows and rows[0].changed else ""
-    return f"<div class=wide><table>{head}{lines}</table></div>"
 
 
-def _summary_table(summary: dict[str, Any]) -> str:
-    if not summary:
-        return ""
-    lines = "".join(
-        f"<tr><td><code>{escape(name)}</code></td><td>{escape(_text(value))}</td></tr>"
-        for name, value in summary.items()
-        if name != "format" and value is not None
+def csv_of(figure: Figure) -> str:
+    """The data of a figure, with a line of titles."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(figure.columns)
+    writer.writerows(["" if cell is None else cell for cell in row] for row in figure.rows)
+    return text.getvalue()
+
+
+def _data_table(figure: Figure) -> str:
+    count = len(figure.rows)
+    step = -(-count // TABLE_ROWS) if count else 1
+    rows = [*figure.rows[::step]]
+    if count and (count - 1) % step:
+        rows.append(figure.rows[-1])
+    which = f"{len(rows)} of {count} rows; all are in the CSV" if step > 1 else f"{count} rows"
+    return table(
+        figure.columns, [[cell_text(cell) for cell in row] for row in rows], f"{figure.title}: {which}"
     )
-    return f"<h2>Summary</h2><div class=wide><table>{lines}</table></div>"
 
 
-def _side_by_side(names: Sequence[str], rows: dict[str, list[str]]) -> str:
-    head = "".join(f"<th>{escape(name)}" for name in names)
-    lines = "".join(
-        f"<tr><td><code>{escape(key)}</code></td>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>"
-        for key, row in rows.items()
+def table(titles: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "") -> str:
+    """A table that scrolls by itself where it is too wide; titles and cells are plain text."""
+    head = "".join(f"<th scope=col>{esc(title)}</th>" for title in titles)
+    body = "".join("<tr>" + "".join(f"<td>{esc(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    above = f"<caption>{esc(caption)}</caption>" if caption else ""
+    return scrolling(
+        f"<table>{above}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>", caption or "Table"
     )
-    return f"<div class=wide><table><tr><th>{head}</tr>{lines}</table></div>"
 
 
-def _events(run: SavedRun) -> str:
-    if not run.events:
-        return ""
-    shown = run.events[-EVENTS_SHOWN:]
-    lines = "".join(
-        f"<tr><td>{event.t_s:.2f} s</td><td>{escape(event.kind)}</td><td>{event.fid or ''}</td>"
-        f"<td>{escape(event.text)}</td></tr>"
-        for event in shown
-    )
-    which = (
-        f"the last {len(shown)} of {len(run.events)} events"
-        if len(shown) < len(run.events)
-        else f"{len(shown)} events"
-    )
-    return f"<h2>Events</h2><details><summary>{which}</summary><div class=wide><table>{lines}</table></div></details>"
+def scrolling(html: str, label: str) -> str:
+    """Something wide in a box that scrolls, also by keys."""
+    return f'<div class=scroll tabindex=0 role=region aria-label="{esc(label)}">{html}</div>'
 
 
-def _reproduce(runs: Sequence[SavedRun]) -> str:
-    lines = []
-    for run in runs:
-        if command := run.manifest.get("command"):
-            lines.append(f"# as it was started\n{command}")
-        config = shlex.quote(str(run.path / "config.yaml"))
-        lines.append(
-            f"# from its resolved settings\nswarmer-run --config {config}\n"
-            f"# watch it\nswarmer replay {shlex.quote(str(run.path))}"
-        )
-    made = runs[0].manifest
-    versions = ", ".join(
-        f"{name} {made[name]}" for name in ("swarmer", "python", "platform") if made.get(name)
-    )
-    foot = f"<p class=lead>{escape(versions)}</p>" if versions else ""
-    return f"<h2>How to reproduce</h2><pre>{escape(chr(10).join(lines))}</pre>{foot}"
-
-
-def _text(value: Any) -> str:
-    """A value of a summary or a setting as a reader wants it."""
+def cell_text(value: Any) -> str:
+    """A number of a figure's data in a table."""
     if value is None:
         return "–"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, int):
-        return f"{value:,}" if abs(value) >= 10_000 else str(value)
-    if isinstance(value, float):
-        return f"{value:.6g}" if math.isfinite(value) else str(value)
-    if isinstance(value, dict):
-        return ", ".join(f"{name}: {_text(inner)}" for name, inner in value.items())
-    if isinstance(value, (list, tuple)):
-        return ", ".join(map(_text, value)) if value else "none"
-    return str(value)
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def missing_note(runs: Sequence[SavedRun]) -> str:
+    """What of the run directories is not there or not whole."""
+    lines = [(f"{run.name}: " if len(runs) > 1 else "") + line for run in runs for line in run.missing]
+    return note("Not everything is there; this report shows what is whole.", lines) if lines else ""
+
+
+def note(lead: str, lines: Sequence[str] = ()) -> str:
+    """A box that warns."""
+    items = "".join(f"<li>{esc(line)}</li>" for line in lines)
+    return f"<div class=note>{esc(lead)}{f'<ul>{items}</ul>' if items else ''}</div>"

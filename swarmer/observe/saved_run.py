@@ -30,7 +30,7 @@ from swarmer.observe.run_directory import (
     SUMMARY,
     TIMELINE,
 )
-from swarmer.observe.summary import FORMAT
+from swarmer.observe.summary import COUNTERS, FORMAT
 from swarmer.yaml_file import parse
 
 # What readers raise at files that were cut or hold something else.
@@ -38,10 +38,11 @@ BROKEN = (
     OSError, ValueError, KeyError, IndexError, TypeError, EOFError, RuntimeError, RecursionError, NotImplementedError,
     zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, csv.Error, yaml.YAMLError, BadInput,
 )  # fmt: skip
-TABLES = {"time_to_hd_s", "timer_late_ms", "handled_late_ms"}  # of a summary
+TABLES = {"time_to_hd_s", "rounds_to_hd", "timer_late_ms", "handled_late_ms"}  # of a summary
 NUMBERS = {
-    "points", "seed", "emulated_s", "wall_s", "hd_cells", "hd_min_cells", "first_single_swarm_s", "single_swarm_count",
-    "distance_cells_mean", "datagrams_sent", "time_scale", "suggested_time_scale",
+    "points", "seed", "emulated_s", "wall_s", "hd_cells", "hd_min_cells", "hd_absolute_cells", "first_single_swarm_s",
+    "single_swarm_count", "thaws", "distance_cells_mean", "localizing_cells_mean", "following_cells_mean", "time_scale",
+    "suggested_time_scale", "invariant_violations", *COUNTERS,
 }  # fmt: skip
 LARGEST_TEXT = 64 << 20  # bytes of a config, a summary or a manifest
 
@@ -107,11 +108,17 @@ def load(path: Path) -> SavedRun:
     run.events = _read(run, EVENTS, lambda file: _events(run, file)) or []
     run.timeline = _timeline(run)
     _tell_newer(run)
-    if run.recording() is None:
+    if run.recording() is None and not _wanted_none(run.config):
         run.missing.append(f"{RECORDING}: none")
-    elif run.recording() != path / RECORDING:
+    elif run.recording() not in (None, path / RECORDING):
         run.missing.append(f"{RECORDING}: cut, the run ended before it was closed")
     return run
+
+
+def _wanted_none(config: dict[str, Any]) -> bool:
+    """Was the run told to write no recording?"""
+    recording = config.get("recording")
+    return isinstance(recording, dict) and recording.get("enabled") is False
 
 
 def _tell_newer(run: SavedRun) -> None:

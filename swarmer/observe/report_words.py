@@ -1,0 +1,346 @@
+"""What the report says in words: the verdict, the figures of a summary, what was run, and how to run it again."""
+
+from __future__ import annotations
+
+import math
+import re
+import shlex
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from swarmer.config import load_config, setting_facts
+from swarmer.errors import SwarmerError
+from swarmer.observe.report_drawing import ROUNDS, Clock, clock_of
+from swarmer.observe.report_page import Part, esc, scrolling, table
+from swarmer.observe.saved_run import SavedRun
+from swarmer.observe.words import cells, count
+from swarmer.settings_file import preset_names
+
+EVENTS_SHOWN = 200
+CODE = re.compile("`([^`]+)`")
+UNFINISHED = "unfinished"  # the status of a run that left no summary
+
+
+class Setting(NamedTuple):
+    """A row of the table of settings."""
+
+    name: str
+    value: Any
+    usual: Any  # the preset's
+    unit: str
+    help: str
+
+    @property
+    def changed(self) -> bool:
+        """True if it is not as in the preset."""
+        return bool(text_of(self.value) != text_of(self.usual))
+
+
+# -- the verdict -----------------------------------------------------------------------------------------------------
+
+
+def verdict(run: SavedRun) -> str:
+    """The run in one sentence: what became of the shape, and whether to believe it."""
+    summary, clock = run.summary, clock_of(run)
+    if not summary:
+        return "Nothing is left of this run that could be judged."
+    return f"{_ending(summary, clock)}{_shape(summary, clock)}{_trust(summary)}."
+
+
+def _ending(summary: dict[str, Any], clock: Clock) -> str:
+    status, end = summary.get("status"), clock.say(summary.get("emulated_s"))
+    count_of = f"the {count(summary['points'])} FLSs" if summary.get("points") else "the FLSs"
+    if status == "failed":
+        return f"The run failed at {end}; by then {count_of} "
+    if status == "interrupted":
+        return f"The run was interrupted at {end}; by then {count_of} "
+    if status == UNFINISHED:
+        return f"The run did not end, its last sample is of {end}; by then {count_of} "
+    return count_of[0].upper() + count_of[1:] + " "
+
+
+def _shape(summary: dict[str, Any], clock: Clock) -> str:
+    single = summary.get("first_single_swarm_s")
+    one = "became one swarm " + moment(single, clock) if single is not None else "never became one swarm"
+    reached = {name: t for name, t in reached_of(summary).items() if t is not None}
+    lowest = summary.get("hd_min_cells")
+    if lowest is None:
+        return f"{one}, and were never all lit, so no distance from the shape counts"
+    if not reached:
+        return f"{one} and did not form the shape: HD was never below 1 cell, {cells(lowest)} at best"
+    name = min(reached, key=float)
+    joined = f"{one} and" if single is not None else f"{one}, but"
+    return f"{joined} came within {name} cells of the shape {moment(reached[name], clock)}{_since(summary, name)}"
+
+
+def _since(summary: dict[str, Any], name: str) -> str:
+    """What has become of it since."""
+    last = summary.get("hd_cells")
+    if last is None:
+        return ", but too few are lit at the end"
+    return f", but ended {cells(last)} cells away" if last > 10 * float(name) else ""
+
+
+def _trust(summary: dict[str, Any]) -> str:
+    broken = summary.get("invariant_violations")
+    if broken:
+        return f"; {broken} broken invariant{'s' if broken != 1 else ''}: the protocol did what it must not"
+    faithful = summary.get("faithful")
+    if faithful is None:
+        return ""
+    if faithful:
+        return "; timers and messages were in time, so the run can be trusted"
+    who = "the FLSs could not keep up" if summary.get("engine") == "virtual" else "this machine was too slow"
+    return f"; but {who}, so do not trust the times"
+
+
+def moment(t: float | None, clock: Clock) -> str:
+    """`after 12.3 s`, `in round 5`."""
+    return f"{'in' if clock is ROUNDS else 'after'} {clock.say(t)}"
+
+
+def reached_of(summary: dict[str, Any]) -> dict[str, float | None]:
+    """When HD was below each threshold, in seconds or in rounds."""
+    for name in ("time_to_hd_s", "rounds_to_hd"):
+        found = summary.get(name)
+        if isinstance(found, dict) and any(isinstance(value, (int, float)) for value in found.values()):
+            return {
+                key: value if isinstance(value, (int, float)) else None
+                for key, value in found.items()
+                if _is_number(key)
+            }
+    return {}
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return float(text) > 0
+    except ValueError:
+        return False
+
+
+def lead(run: SavedRun) -> str:
+    """Engine, seed, how long, when."""
+    summary, clock = run.summary, clock_of(run)
+    parts = [
+        str(summary.get("status", "nothing whole")),
+        f"engine {summary.get('engine', '?')}",
+        f"seed {summary.get('seed', '?')}",
+    ]
+    if summary.get("emulated_s") is not None:
+        spent = summary["emulated_s"]
+        parts.append(f"{spent:.0f} rounds" if clock is ROUNDS else f"{spent:.1f} s emulated")
+    if summary.get("wall_s") is not None:
+        parts.append(f"took {summary['wall_s']:.1f} s")
+    if run.manifest.get("started"):
+        parts.append(f"started {run.manifest['started']}")
+    return ", ".join(parts)
+
+
+# -- numbers ---------------------------------------------------------------------------------------------------------
+
+
+def tiles(run: SavedRun) -> str:
+    """The figures that most readers look for, large."""
+    summary, clock = run.summary, clock_of(run)
+    if not summary:
+        return ""
+    reached = reached_of(summary)
+    lowest = min((name for name, t in reached.items() if t is not None), key=float, default="0.01")
+    shown = [
+        (cells(summary.get("hd_cells")), "HD at the end, cells", ""),
+        (cells(summary.get("hd_absolute_cells")), "the same without translation", ""),
+        (clock.say(reached.get(lowest)) if reached else "–", f"until HD < {lowest}", ""),
+        (clock.say(summary.get("first_single_swarm_s")), f"until one swarm ({_times(summary)})", ""),
+        (count(summary.get("thaws")), "thaws", ""),
+        (cells(summary.get("distance_cells_mean")), "cells flown by an FLS, mean", ""),
+        (count(summary.get("datagrams_sent")), "datagrams sent", ""),
+        (count(summary.get("failures")) if summary.get("failures") else "–", "FLSs failed", "warn"),
+        *_fidelity_tiles(summary),
+    ]
+    cards = (
+        f"<li class=tile><b class='{kind}'>{esc(big)}</b><span>{esc(small)}</span></li>"
+        for big, small, kind in shown
+        if big != "–"
+    )
+    return f"<ul class=tiles aria-label='At a glance'>{''.join(cards)}</ul>"
+
+
+def _times(summary: dict[str, Any]) -> str:
+    number = summary.get("single_swarm_count")
+    return "once" if number == 1 else f"{text_of(number)} times"
+
+
+def _fidelity_tiles(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
+    faithful = summary.get("faithful")
+    if faithful is None:
+        return []
+    late = [(summary.get(name) or {}).get("p99") for name in ("timer_late_ms", "handled_late_ms")]
+    known = [value for value in late if value is not None]
+    shown = [(f"{max(known):.0f} ms", "late at most, 99 % of timers and messages", "")] if known else []
+    scale = summary.get("suggested_time_scale")
+    advice = "" if faithful or scale is None else f"; --time-scale {scale:.2g} would do"
+    if faithful:
+        return [*shown, ("faithful", "in time, within half a lease", "good")]
+    return [*shown, ("not faithful", f"later than half a lease{advice}", "warn")]
+
+
+def summary_part(run: SavedRun) -> Part | None:
+    """Every number of summary.json."""
+    if not run.summary:
+        return None
+    rows = [
+        [name, text_of(value)]
+        for name, value in run.summary.items()
+        if name != "format" and value is not None
+    ]
+    return Part(
+        "summary", "All numbers", table(["name", "value"], rows, "summary.json, without what is null")
+    )
+
+
+def events_part(run: SavedRun) -> Part | None:
+    """The last events."""
+    if not run.events:
+        return None
+    shown, clock = run.events[-EVENTS_SHOWN:], clock_of(run)
+    which = (
+        f"the last {len(shown)} of {len(run.events)}" if len(shown) < len(run.events) else f"all {len(shown)}"
+    )
+    rows = [[clock.say(event.t_s), event.kind, str(event.fid or ""), event.text] for event in shown]
+    body = table(["when", "kind", "FLS", "text"], rows, f"events.csv, {which}")
+    return Part("events", "Events", f"<details><summary>{which} events</summary>{body}</details>")
+
+
+# -- what was run ----------------------------------------------------------------------------------------------------
+
+
+def setting_part(run: SavedRun) -> Part:
+    """Settings that differ from the preset, versions, and the commands that repeat the run."""
+    preset = preset_of(run.manifest.get("command"))
+    rows = settings(run.config, preset)
+    changed = [row for row in rows if row.changed]
+    same = [row for row in rows if not row.changed]
+    body = []
+    if not rows:
+        body.append("<p>The settings are not there.</p>")
+    elif changed:
+        body.append(_setting_table(changed, preset, f"What differs from the preset {preset}"))
+    else:
+        body.append(f"<p>Everything is as in the preset {esc(preset)}.</p>")
+    if same:
+        inside = _setting_table(same, preset, "As in the preset")
+        body.append(f"<details><summary>{len(same)} settings as in the preset</summary>{inside}</details>")
+    body += ["<h3>To run it again</h3>", commands([run]), f"<p class=soft>{esc(versions(run))}</p>"]
+    return Part("run", "What was run", "\n".join(body))
+
+
+def settings(config: dict[str, Any], preset: str = "default") -> list[Setting]:
+    """The settings of a run, those that differ from the preset first."""
+    flat = flat_settings(config)
+    try:
+        usual = load_config(preset).flat()
+    except SwarmerError:
+        usual = {}
+    known = [fact for fact in setting_facts() if fact.name in flat]
+    rows = [
+        Setting(fact.name, flat.pop(fact.name), usual.get(fact.name), fact.unit, fact.help) for fact in known
+    ]
+    rows += [Setting(name, value, None, "", "") for name, value in flat.items()]
+    return sorted(rows, key=lambda row: not row.changed)
+
+
+def preset_of(command: object) -> str:
+    """The preset that a run was started with, by its command; `default` if it names none.
+
+    >>> preset_of("swarmer-run --shape hat --config paper"), preset_of("swarmer-run --config=a.yaml"), preset_of(None)
+    ('paper', 'default', 'default')
+    """
+    try:
+        words = shlex.split(command) if isinstance(command, str) else []
+    except ValueError:
+        words = []
+    named = [after for word, after in pairwise(words) if word == "--config"]
+    named += [word.partition("=")[2] for word in words if word.startswith("--config=")]
+    return next((name for name in named if name in preset_names()), "default")
+
+
+def flat_settings(config: dict[str, Any], before: str = "") -> dict[str, Any]:
+    """Settings by dotted name."""
+    flat: dict[str, Any] = {}
+    for name, value in config.items():
+        if isinstance(value, dict):
+            flat |= flat_settings(value, f"{before}{name}.")
+        else:
+            flat[f"{before}{name}"] = value
+    return flat
+
+
+def _setting_table(rows: Sequence[Setting], preset: str, caption: str) -> str:
+    lines = "".join(
+        f"<tr><td><code>{esc(row.name)}</code></td>"
+        f"<td class=value>{esc(text_of(row.value))} {esc(row.unit)}</td>"
+        f"<td>{esc(text_of(row.usual)) if row.changed else ''}</td><td class=help>{_marked(row.help)}</td></tr>"
+        for row in rows
+    )
+    head = (
+        f"<th scope=col>setting</th><th scope=col>this run</th><th scope=col>{esc(preset)}</th>"
+        "<th scope=col class=help>meaning</th>"
+    )
+    inside = f"<table><caption>{esc(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table>"
+    return scrolling(inside, caption)
+
+
+def _marked(text: str) -> str:
+    """Help text as HTML: `names` as code."""
+    return CODE.sub(r"<code>\1</code>", esc(text))
+
+
+def commands(runs: Sequence[SavedRun]) -> str:
+    """How each run was started, how to make it again, how to watch it."""
+    lines = []
+    for run in runs:
+        if command := run.manifest.get("command"):
+            lines.append(f"# as it was started\n{command}")
+        where = run.path
+        if (where / "config.yaml").exists():
+            config = shlex.quote(str(where / "config.yaml"))
+            lines.append(f"# from its resolved settings\nswarmer-run --config {config}")
+        lines.append(f"# watch it\nswarmer replay {shlex.quote(str(where))}")
+    return f"<pre>{esc(chr(10).join(lines))}</pre>"
+
+
+def versions(run: SavedRun) -> str:
+    """What it was made with."""
+    made = run.manifest
+    named = [f"{name} {made[name]}" for name in ("swarmer", "python") if made.get(name)]
+    libraries = made.get("libraries")
+    if isinstance(libraries, dict):
+        named += [f"{name} {version}" for name, version in libraries.items()]
+    named += [str(made["platform"])] if made.get("platform") else []
+    named += [f"{made['cpus']} cores"] if made.get("cpus") else []
+    return ", ".join(named)
+
+
+def text_of(value: Any) -> str:
+    """A value of a summary or a setting as a reader wants it."""
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return f"{value:,}" if abs(value) >= 10_000 else str(value)
+    if isinstance(value, float):
+        return f"{value:.6g}" if math.isfinite(value) else str(value)
+    if isinstance(value, dict):
+        return ", ".join(f"{name}: {text_of(inner)}" for name, inner in value.items())
+    if isinstance(value, (list, tuple)):
+        return ", ".join(map(text_of, value)) if value else "none"
+    return str(value)
+
+
+def label_of(path: Path) -> str:
+    """How a reader tells a run from others."""
+    return path.resolve().name
