@@ -292,7 +292,8 @@ def _checked(saved: SavedTimeline) -> SavedTimeline:
         saved.lit,
         saved.hd_cells,
     )
-    if saved.flown_cells is not None and saved.flown_cells.shape != (count, 2):
+    flown = saved.flown_cells
+    if flown is not None and (flown.shape != (count, 2) or not np.isfinite(flown).all()):
         raise ValueError("its distances do not fit")
     if saved.t_s.ndim != 1 or any(array.shape != shape for array, shape in zip(arrays, shapes, strict=True)):
         raise ValueError("its arrays do not fit each other")

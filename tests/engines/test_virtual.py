@@ -66,6 +66,23 @@ def test_a_snapshot_shows_the_dark_flight_and_the_lit_swarm():
         assert total >= first.counters[name], name
 
 
+def test_datagrams_are_counted_by_kind_and_distance_by_purpose():
+    result, watcher = fly(**{"failure.rate": 0.02})
+    counters, flown = result.counters, watcher.samples[-1].flown
+    for way in ("sent", "delivered"):
+        kinds = {name: total for name, total in counters.items() if name.startswith(f"{way}_")}
+        assert sum(kinds.values()) == counters[f"datagrams_{way}"]
+    assert counters["sent_challenge_init"] < counters["delivered_challenge_init"]
+    assert counters["sent_control"] == counters["delivered_control"] == 0
+    np.testing.assert_allclose(
+        flown.sum(axis=0), [counters["localizing_cells"], counters["following_cells"]], rtol=1e-9
+    )
+    assert flown.shape == (40, 2)
+    assert (flown.sum(axis=0) > 0).all()
+    assert flown.sum() < counters["distance_cells"]
+    assert (watcher.samples[5].flown <= flown).all()
+
+
 def test_the_result_says_what_a_network_engine_says():
     result, watcher = fly()
     counters = result.counters

@@ -50,10 +50,22 @@ class FakeSwarm:
             "handled": 1700 * t_s,
             "thaws": t_s // 5,
             "distance_cells": 40.0 * count,
+            "localizing_cells": 1.5 * t_s * count,
+            "following_cells": 0.5 * t_s * count,
+            "localizations": 20 * t_s,
+            "anchorings": 15 * t_s,
+            "leases_granted": 25 * t_s,
+            "leases_expired": t_s // 2,
+            "sent_challenge_init": 500 * t_s,
+            "delivered_challenge_init": 1000 * t_s,
+            "sent_merge": 400 * t_s,
+            "delivered_merge": 700 * t_s,
+            "bytes_sent": 900 * 154 * t_s,
         }
         late = Lateness(12.0, 85.0, 190.0)
         live = Live(1.0, late, late, count, 2.0 * count, True)
-        return Snapshot(t_s, position, swarm, state, lit, np.ones(count, bool), counters, live)
+        flown = np.column_stack([np.full(count, 1.5 * t_s), np.linspace(0, t_s, count)])
+        return Snapshot(t_s, position, swarm, state, lit, np.ones(count, bool), counters, live, None, flown)
 
 
 def feed(observer: Any, plan: Any, seconds: float = 8.0, rate_hz: float = 10.0) -> RunResult:
@@ -96,3 +108,12 @@ def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("runs") / "ball-run"
     record(path, duration_s=8.0, seed=7)
     return path
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports without matplotlib, which takes a second for each: their data and words are made, nothing is drawn."""
+    from swarmer.observe import report_costs, report_figures, report_several
+
+    for module in (report_costs, report_figures, report_several):
+        monkeypatch.setattr(module, "svg_of", lambda key, alt, draw, *size, **sizes: "<svg></svg>")

@@ -37,7 +37,7 @@ def test_file_cut_at_any_byte(finished_run, tmp_path, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_report_and_terminal_of_a_cut_run(finished_run, tmp_path, name):
+def test_report_and_terminal_of_a_cut_run(finished_run, tmp_path, name, quick):
     run = cut(finished_run, tmp_path, name, 0.4)
     page = make_report([load(run)])
     assert ("Not everything is there" in page) == bool(load(run).missing)
@@ -50,9 +50,17 @@ def test_report_and_terminal_of_a_cut_run(finished_run, tmp_path, name):
         assert "lit" in CliRunner().invoke(replay, [str(run), "--terminal"], catch_exceptions=False).output
 
 
-def test_bytes_turned_over(finished_run, tmp_path):
-    rng = random.Random(5)
-    for _ in range(30):
+def test_bytes_turned_over(finished_run, tmp_path, quick):
+    turned_over(finished_run, tmp_path, 5, 40)
+
+
+def test_what_has_bytes_turned_over_is_drawn(finished_run, tmp_path):
+    turned_over(finished_run, tmp_path, 6, 6)
+
+
+def turned_over(finished_run, tmp_path, seed, times):
+    rng = random.Random(seed)
+    for _ in range(times):
         name = rng.choice(NAMES)
         run = cut(finished_run, tmp_path, name, 1.0)
         data = bytearray((run / name).read_bytes())
@@ -70,7 +78,7 @@ STRANGE = [
 
 @pytest.mark.parametrize("text", STRANGE)
 @pytest.mark.parametrize("name", ["config.yaml", "manifest.json", "summary.json"])
-def test_strange_content(finished_run, tmp_path, name, text):
+def test_strange_content(finished_run, tmp_path, name, text, quick):
     run = cut(finished_run, tmp_path, name, 0.0)
     (run / name).write_text(text, encoding="utf-8")
     assert "<html" in make_report([load(run)])

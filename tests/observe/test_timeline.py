@@ -74,3 +74,37 @@ def test_killed_run_leaves_its_chunks(tmp_path):
     run = load(tmp_path)
     assert run.timeline.t_s.tolist() == list(range(25))  # chunks of 5, 10 and 10
     assert any("timeline.npz: cut" in line for line in run.missing)
+
+
+def test_series_and_distances_are_kept_beside_the_frames(tmp_path):
+    writer = TimelineWriter(tmp_path, np.zeros((5, 3)))
+    for k, frame in enumerate(frames(12)):
+        writer.append(frame, {"a": k, "b": None} if k != 3 else {"b": 1.0, "later": 5.0})
+    writer.flown = np.arange(10.0).reshape(5, 2)
+    killed = load(tmp_path).timeline
+    assert killed.series["a"][:3].tolist() == [0, 1, 2]
+    assert (len(killed.series["a"]), killed.flown_cells) == (5, None), "the first chunk alone is on disk"
+    writer.close()
+    saved = load(tmp_path).timeline
+    assert list(saved.series) == ["a", "b"]
+    np.testing.assert_array_equal(saved.series["a"], [0, 1, 2, np.nan, *range(4, 12)])
+    np.testing.assert_array_equal(saved.series["b"], [np.nan] * 3 + [1.0] + [np.nan] * 8)
+    np.testing.assert_array_equal(saved.flown_cells, np.arange(10.0).reshape(5, 2))
+
+
+def test_series_that_do_not_fit_are_refused(tmp_path):
+    writer = TimelineWriter(tmp_path, np.zeros((5, 3)))
+    for frame in frames(6):
+        writer.append(frame, {"a": 1.0})
+    writer.close()
+    with np.load(tmp_path / "timeline.npz") as data:
+        arrays = dict(data)
+    for broken in (
+        {"series": np.zeros((6, 3))},
+        {"flown_cells": np.zeros((4, 2))},
+        {"flown_cells": np.full((5, 2), np.nan)},
+    ):
+        np.savez(tmp_path / "timeline.npz", **(arrays | broken))
+        run = load(tmp_path)
+        assert run.timeline is None
+        assert any("timeline.npz: cannot be read" in line for line in run.missing)

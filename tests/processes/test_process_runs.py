@@ -74,6 +74,12 @@ def test_the_run_directory_is_whole_and_runs_again(tmp_path):
         "config.yaml", "manifest.json", "timeline.npz", "events.csv", "summary.json", "log.txt",
     }  # fmt: skip
     with np.load(summary["dir"] / "timeline.npz") as timeline:
+        totals = dict(zip(timeline["series_name"].tolist(), timeline["series"][-1], strict=True))
+        for way in ("sent", "delivered"):  # the last sample is not the last moment
+            by_kind = sum(total for name, total in totals.items() if name.startswith(f"{way}_"))
+            assert by_kind == totals[f"datagrams_{way}"] <= summary[f"datagrams_{way}"]
+        flown = timeline["flown_cells"].sum(axis=0)
+        np.testing.assert_allclose(flown, [totals["localizing_cells"], totals["following_cells"]], rtol=1e-9)
         times, count = len(timeline["t_s"]), 12
         assert timeline["truth"].shape == (count, 3)
         assert timeline["position"].shape == (times, count, 3)
