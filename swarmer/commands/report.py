@@ -17,10 +17,12 @@ from swarmer.interrupts import ends_at_once
     help="The file to write. [default: RUN/report.html; of several runs ./report.html]",
 )
 def command(runs: tuple[Path, ...], out: Path | None) -> None:
-    """Write one self-contained HTML file about a run: figures, numbers, settings, how to reproduce it.
+    """Write one self-contained HTML file about a run: a verdict, the display through time, figures with their data,
+    numbers, settings, how to reproduce it. It needs no network.
 
-    Several runs are compared side by side. Works on a run that was killed, too: it shows what is whole and names the
-    rest. The last line of stdout is the file's path.
+    Several runs are compared: those that differ in nothing but their seed are drawn as their mean with its 95 %
+    interval. Works on a run that was killed, too: it shows what is whole and names the rest. The last line of stdout
+    is the file's path.
     """
     with ends_at_once():
         from swarmer.observe.report import write_report
