@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
-PAGES = ("README.md", "docs/getting-started.md", "docs/sweeps.md")
+PAGES = ("README.md", "docs/getting-started.md", "docs/reading-a-report.md", "docs/sweeps.md")
 # The last one counts, so these shorten whatever the page says.
 SHORTER = " --points 12 --duration 1.5 --time-scale 1"
 SHORTER_SWEEP = " --seeds 2 --set points=12 --set duration_s=1.5"

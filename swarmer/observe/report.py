@@ -15,7 +15,7 @@ import numpy as np
 
 from swarmer.engines.result import Live, RunResult, Snapshot
 from swarmer.errors import BadInput
-from swarmer.observe import report_costs, report_figures, report_page, report_words
+from swarmer.observe import report_costs, report_figures, report_page, report_rounds, report_words
 from swarmer.observe.files import write_text
 from swarmer.observe.progress import Progress
 from swarmer.observe.report_data import RunData, data_of
@@ -29,11 +29,13 @@ from swarmer.observe.summary import make_summary
 
 RUNS_MAX = 24
 
-FIGURES: tuple[Callable[[RunData], Figure | Absent], ...] = (
+FIGURES: tuple[Callable[[RunData], Figure | Absent | None], ...] = (
     report_figures.hd_figure,
     report_figures.swarms_figure,
     report_figures.cycles_figure,
     report_figures.sizes_figure,
+    lambda data: report_rounds.merging_figure(data.run),
+    lambda data: report_rounds.flights_figure(data.run),
     report_figures.work_figure,
     report_figures.states_figure,
     report_costs.distance_figure,
@@ -50,7 +52,11 @@ def figures_part(run: SavedRun) -> Part | None:
     data = data_of(run)
     if data is None:
         return None
-    return Part("figures", "Figures", report_page.figures([make(data) for make in FIGURES]))
+    return Part(
+        "figures",
+        "Figures",
+        report_page.figures([one for make in FIGURES if (one := make(data)) is not None]),
+    )
 
 
 PARTS: tuple[Callable[[SavedRun], Part | None], ...] = (

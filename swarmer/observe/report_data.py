@@ -15,6 +15,7 @@ from swarmer.metrics.hausdorff import HausdorffMeter
 from swarmer.observe.palette import STATES
 from swarmer.observe.progress import LIT_MIN
 from swarmer.observe.report_drawing import Clock, clock_of
+from swarmer.observe.report_rounds import read_rounds
 from swarmer.observe.saved_run import SavedRun, SavedTimeline
 
 READINGS_MAX = (
@@ -58,7 +59,18 @@ class RunData:
     def series(self, name: str) -> NDArray[np.float64] | None:
         """(T,) what the run has written down under a name; None where it has nothing."""
         found = self.timeline.series.get(name)
+        if found is None:
+            found = self.of_rounds.get(name)
         return None if found is None or not np.isfinite(found).any() else found
+
+    @cached_property
+    def of_rounds(self) -> dict[str, NDArray[np.float64]]:
+        """What rounds.csv adds up to, where the samples are its rounds."""
+        rounds = read_rounds(self.run)
+        names = {"localizing_cells": "localizing_cells", "following_cells": "swarm_cells"}
+        if len(rounds.get("round", ())) != len(self.t) or not set(names.values()) <= rounds.keys():
+            return {}
+        return {name: np.cumsum(np.nan_to_num(rounds[column])) for name, column in names.items()}
 
     def grows(self, name: str) -> NDArray[np.float64] | None:
         """A total over time; None where nothing was ever counted."""

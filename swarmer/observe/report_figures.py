@@ -24,7 +24,7 @@ from swarmer.observe.report_drawing import (
     svg_of,
     thinned,
 )
-from swarmer.observe.report_words import reached_of
+from swarmer.observe.report_words import moment, reached_of
 from swarmer.observe.saved_run import SavedTimeline
 from swarmer.observe.words import cells, swarms
 from swarmer.shapes.views import seen_from, usual_view
@@ -72,7 +72,9 @@ def hd_figure(data: RunData) -> Figure | Absent:
         over_time(axes, data.clock, 2)
 
     first, last = hd[0], hd[-1]
-    below = ", ".join(f"below {name} {data.clock.say(at)}" for name, at in reached.items() if at is not None)
+    below = ", ".join(
+        f"below {name} {moment(at, data.clock)}" for name, at in reached.items() if at is not None
+    )
     alt = f"HD falls from {cells(first)} cells to {cells(last)} at the end" if last < first else (
         f"HD goes from {cells(first)} cells to {cells(last)} at the end"
     )  # fmt: skip

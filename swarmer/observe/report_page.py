@@ -26,6 +26,7 @@ from swarmer.observe.saved_run import SavedRun
 
 GENERATOR = '<meta name="generator" content="swarmer report">'
 ASSETS = Path(__file__).parent / "report_assets"
+STYLE = (ASSETS / "page.css").read_text("utf-8")
 SCRIPTS = ("page.js", "scene.js")
 TABLE_ROWS = 25  # shown of a figure's data; all of it is in the CSV
 
@@ -56,11 +57,10 @@ def page(title: str, heading: str, verdict: str, lead: str, above: str, parts: S
         f'<h2 id="{esc(part.key)}-title">{esc(part.title)}</h2>\n{part.html}</section>'
         for part in parts
     )
-    style = (ASSETS / "page.css").read_text("utf-8")
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n{GENERATOR}\n{_policy(scripts)}\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{esc(title)}</title>\n<style>{style}</style></head>\n"
+        f"<title>{esc(title)}</title>\n<style>{STYLE}</style></head>\n"
         '<body><a class=skip href="#main">To the figures</a>\n'
         f"<header><div class=top><h1>{esc(heading)}</h1>{THEME}</div>\n"
         f"<p class=verdict>{esc(verdict)}</p>\n<p class=lead>{esc(lead)}</p></header>\n"

@@ -41,6 +41,7 @@ def expired_share(summary: Summary) -> float | None:
 
 ROWS = (
     Row("Emulated time, s", _value("emulated_s"), lambda value: f"{value:,.1f}"),
+    Row("Rounds", _value("rounds"), lambda value: f"{value:,.1f}"),
     Row("Bytes sent, MB", _value("bytes_sent", 1e-6), lambda value: f"{value:,.1f}"),
     Row("Localizations", _value("localizations"), count),
     Row("Anchors", _value("anchorings"), count),

@@ -50,7 +50,7 @@ def verdict(run: SavedRun) -> str:
 
 
 def _ending(summary: dict[str, Any], clock: Clock) -> str:
-    status, end = summary.get("status"), clock.say(summary.get("emulated_s"))
+    status, end = summary.get("status"), clock.say(length_of(summary))
     count_of = f"the {count(summary['points'])} FLSs" if summary.get("points") else "the FLSs"
     if status == "failed":
         return f"The run failed at {end}; by then {count_of} "
@@ -62,7 +62,7 @@ def _ending(summary: dict[str, Any], clock: Clock) -> str:
 
 
 def _shape(summary: dict[str, Any], clock: Clock) -> str:
-    single = summary.get("first_single_swarm_s")
+    single = single_of(summary)
     one = "became one swarm " + moment(single, clock) if single is not None else "never became one swarm"
     reached = {name: t for name, t in reached_of(summary).items() if t is not None}
     lowest = summary.get("hd_min_cells")
@@ -114,6 +114,21 @@ def reached_of(summary: dict[str, Any]) -> dict[str, float | None]:
     return {}
 
 
+def length_of(summary: dict[str, Any]) -> float | None:
+    """How long the run was, in seconds or in rounds."""
+    return _first_number(summary, "emulated_s", "rounds")
+
+
+def single_of(summary: dict[str, Any]) -> float | None:
+    """When all were one swarm for the first time, in seconds or in rounds."""
+    return _first_number(summary, "first_single_swarm_s", "first_single_swarm_round")
+
+
+def _first_number(summary: dict[str, Any], *names: str) -> float | None:
+    found = (summary.get(name) for name in names)
+    return next((float(value) for value in found if isinstance(value, (int, float))), None)
+
+
 def _is_number(text: str) -> bool:
     try:
         return float(text) > 0
@@ -129,8 +144,7 @@ def lead(run: SavedRun) -> str:
         f"engine {summary.get('engine', '?')}",
         f"seed {summary.get('seed', '?')}",
     ]
-    if summary.get("emulated_s") is not None:
-        spent = summary["emulated_s"]
+    if (spent := length_of(summary)) is not None:
         parts.append(f"{spent:.0f} rounds" if clock is ROUNDS else f"{spent:.1f} s emulated")
     if summary.get("wall_s") is not None:
         parts.append(f"took {summary['wall_s']:.1f} s")
@@ -153,7 +167,7 @@ def tiles(run: SavedRun) -> str:
         (cells(summary.get("hd_cells")), "HD at the end, cells", ""),
         (cells(summary.get("hd_absolute_cells")), "the same without translation", ""),
         (clock.say(reached.get(lowest)) if reached else "–", f"until HD < {lowest}", ""),
-        (clock.say(summary.get("first_single_swarm_s")), f"until one swarm ({_times(summary)})", ""),
+        (clock.say(single_of(summary)), f"until one swarm ({_times(summary)})", ""),
         (count(summary.get("thaws")), "thaws", ""),
         (cells(summary.get("distance_cells_mean")), "cells flown by an FLS, mean", ""),
         (count(summary.get("datagrams_sent")), "datagrams sent", ""),

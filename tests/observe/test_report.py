@@ -266,12 +266,23 @@ def test_a_newer_format_is_told(finished_run, tmp_path, quick):
     assert "news" in page.text
 
 
-def test_a_run_of_rounds_is_told_in_rounds(finished_run):
-    run = load(finished_run)
+def rounds_csv(count):
+    """A line for each round, as the rounds engine writes it, with something unread in it."""
+    titles = "round,swarms,hd_cells,localizing,anchors,group_mean,group_max,flight_min,flight_mean,flight_max"
+    lines = [
+        f"{i},9,{'' if i % 2 else 1.5},{2 * i},{i},1.5,3,0.1,{9 / (i + 1)},7,{i},{3 * i}"
+        for i in range(count)
+    ]
+    return "\n".join([f"{titles},localizing_cells,swarm_cells", *lines]) + "\n"
+
+
+def test_a_run_of_rounds_is_told_in_rounds(finished_run, tmp_path):
+    run = load(shutil.copytree(finished_run, tmp_path / "run"))
+    (run.path / "rounds.csv").write_text(rounds_csv(len(run.timeline.t_s)))
     nothing = dict.fromkeys(run.summary)
     run.summary = nothing | {
-        "format": 1, "engine": "rounds", "shape": "ball", "points": 40, "seed": 1, "status": "done", "emulated_s": 21.0,
-        "hd_cells": 0.05, "hd_min_cells": 0.05, "first_single_swarm_s": 5.0, "single_swarm_count": 4,
+        "format": 1, "engine": "rounds", "shape": "ball", "points": 40, "seed": 1, "status": "done", "rounds": 21,
+        "hd_cells": 0.05, "hd_min_cells": 0.05, "first_single_swarm_round": 5, "single_swarm_count": 4,
         "rounds_to_hd": {"1": 12, "0.1": 20, "0.09": 21, "0.01": None}, "time_to_hd_s": dict.fromkeys(("1", "0.1")),
     }  # fmt: skip
     run.timeline.series = {}
@@ -279,6 +290,12 @@ def test_a_run_of_rounds_is_told_in_rounds(finished_run):
     assert "became one swarm in round 5 and came within 0.09 cells of the shape in round 21" in page.text
     assert "21 rounds" in page.text
     assert csv_data(page, "hd")[0][0] == "round"
+    assert csv_data(page, "merging")[1] == ["1.0", "2.0", "1.0", "1.5", "3.0"]
+    assert csv_data(page, "flights")[1] == ["1.0", "0.1", "4.5", "7.0"]
+    last = len(run.timeline.t_s) - 1
+    assert csv_data(page, "distance")[-1][1:] == [f"{last * (last + 1) / 2}", f"{3 * last * (last + 1) / 2}"]
+    (run.path / "rounds.csv").write_text("round,\n1,x\n")
+    assert "merging" not in Page(make_report([run])).ids
     assert " s " not in verdict(run)
 
 
@@ -325,6 +342,5 @@ def test_settings_are_compared_with_the_preset_of_the_command():
 
 
 def test_every_figure_is_named_once():
-    names = [make.__name__ for make in report.FIGURES]
-    assert len(set(names)) == len(names) == 12
+    assert len(set(report.FIGURES)) == len(report.FIGURES) == 14
     assert SECONDS.column != ROUNDS.column
