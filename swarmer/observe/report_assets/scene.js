@@ -4,9 +4,9 @@
 (async () => {
   const figure = document.getElementById("scene");
   if (!figure) return;
-  const canvas = figure.querySelector("canvas"), slider = figure.querySelector("input");
+  const canvas = figure.querySelector("canvas"), slider = figure.querySelector("[type=range]");
   const play = figure.querySelector("[data-do=play]"), reset = figure.querySelector("[data-do=reset]");
-  const speed = figure.querySelector("select"), words = figure.querySelector("output");
+  const moved = figure.querySelector("[type=checkbox]"), speed = figure.querySelector("select"), words = figure.querySelector("output");
   const facts = JSON.parse(document.getElementById("scene-facts").textContent);
   const bytes = (text) => Uint8Array.from(atob(text.trim()), (c) => c.charCodeAt(0));
   const { times, hd, swarms, lit, points: F } = facts, N = times.length;
@@ -44,12 +44,26 @@
     out[at + 2] = y * Math.sin(raised) + near * Math.cos(raised);
   };
   const place = new Float32Array(3 * F), order = new Uint32Array(F);
-  const put = (one, other, share) => { // where everybody is between two frames
+  const put = (one, other, share, shift) => { // where everybody is between two frames
     const a = 4 * F * (one + 1), b = 4 * F * (other + 1), [sx, sy, sz] = facts.low, step = facts.step;
     for (let i = 0; i < F; i++) {
-      const at = (k) => data[a + k * F + i] + (data[b + k * F + i] - data[a + k * F + i]) * share;
+      const at = (k) => data[a + k * F + i] + (data[b + k * F + i] - data[a + k * F + i]) * share + shift[k];
       turned(sx + step * at(0) - centre[0], sy + step * at(1) - centre[1], sz + step * at(2) - centre[2], place, 3 * i);
     }
+  };
+  const still = [0, 0, 0];
+  const offset = (one, other, share) => { // the mean error of who is lit: what HD moves the display by; in steps
+    const a = 4 * F * (one + 1), b = 4 * F * (other + 1), sum = [0, 0, 0];
+    let count = 0;
+    for (let i = 0; i < F; i++) {
+      if (!data[a + 3 * F + i]) continue;
+      count++;
+      for (let k = 0; k < 3; k++) {
+        const at = data[a + k * F + i];
+        sum[k] += data[k * F + i] - at - (data[b + k * F + i] - at) * share;
+      }
+    }
+    return sum.map((total) => total / Math.max(count, 1));
   };
 
   const draw = () => {
@@ -61,7 +75,7 @@
     const pen = canvas.getContext("2d");
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.fillStyle = "#10141c"; pen.fillRect(0, 0, width, height);
-    const scale = 0.46 * Math.min(width, height * 1.25) / radius * view.zoom;
+    const scale = 0.54 * Math.min(width, height * 1.25) / radius * view.zoom;
     const dot = Math.max(0.8, Math.min(5, 0.38 * facts.spacing * scale));
     const spot = (i, size, colour) => {
       pen.fillStyle = colour;
@@ -69,11 +83,11 @@
       if (size < 1.5) { pen.fillRect(x - size, y - size, 2 * size, 2 * size); return; }
       pen.beginPath(); pen.arc(x, y, size, 0, 7); pen.fill();
     };
-    put(-1, -1, 0); // ground truth
+    put(-1, -1, 0, still); // ground truth
     for (let i = 0; i < F; i++) spot(i, 0.45 * dot, "#4b5568");
     const one = frameAt(now), other = Math.min(one + 1, N - 1);
     const share = other > one ? Math.min(1, Math.max(0, (now - times[one]) / (times[other] - times[one]))) : 0;
-    put(one, other, share);
+    put(one, other, share, moved.checked ? offset(one, other, share) : still);
     for (let i = 0; i < F; i++) order[i] = i;
     order.sort((i, j) => place[3 * i + 2] - place[3 * j + 2]);
     const colours = 4 * F * (one + 1) + 3 * F, last = 4 * F * Math.max(one, 1) + 3 * F;
@@ -111,6 +125,7 @@
   slider.min = times[0]; slider.max = times[N - 1]; slider.step = N > 1 ? (times[N - 1] - times[0]) / (N - 1) : 1;
   slider.addEventListener("input", () => { run(false); show(Number(slider.value)); });
   play.addEventListener("click", () => run(!playing));
+  moved.addEventListener("change", redraw);
   reset.addEventListener("click", () => { view = { ...start }; redraw(); });
   canvas.addEventListener("keydown", (event) => {
     const keys = {
