@@ -5,6 +5,7 @@ HD = max(max_i min_j |e'_i - g_j|, max_j min_i |e'_i - g_j|), with e' the estima
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,8 +49,14 @@ class HausdorffMeter:
     def __init__(self, truth: NDArray[Any]) -> None:
         """truth: (F, 3), display cells. Raises EmptyCloud."""
         self.truth: Points = _checked(truth, "truth").copy()
-        self._whole_tree: cKDTree = _tree(self.truth)
-        self._half_spacing = 0.5 * smallest_spacing(self.truth, self._whole_tree)
+
+    @cached_property
+    def _whole_tree(self) -> cKDTree:
+        return _tree(self.truth)
+
+    @cached_property
+    def _half_spacing(self) -> float:
+        return 0.5 * smallest_spacing(self.truth, self._whole_tree)
 
     def hd(self, position: Points, lit: NDArray[np.bool_] | None = None) -> float:
         """HD in cells of the lit FLSs and their points, translated by the mean of g_i - x_i over them.
@@ -85,6 +92,21 @@ class HausdorffMeter:
         order = np.argsort(apart)[::-1]
         one_way = _farthest_from(tree, moved, apart, order, 0.0)
         return _farthest_from(_tree(moved), fixed, apart, order, one_way)
+
+
+def sampled_translation(errors: Points) -> Points:
+    """The paper's other translation: of a sample's own errors the one that brings the sample nearest to its points.
+
+    errors: (n, 3), g_k - x_k of n FLSs, cells. Result: (3,), the D_k with the least sum_j |D_k - D_j|; the first of
+    equal ones (SwarMer, section 4.2, the simulator).
+
+    >>> sampled_translation(np.array([[0.0, 0, 0], [1, 0, 0], [5, 0, 0]])).tolist()
+    [1.0, 0.0, 0.0]
+    """
+    from scipy.spatial.distance import cdist
+
+    best: Points = errors[int(np.argmin(cdist(errors, errors).sum(axis=1)))]
+    return best
 
 
 def smallest_spacing(truth: Points, tree: cKDTree | None = None) -> float:

@@ -70,7 +70,11 @@ class Progress:
     def _update_hd(self, snapshot: Snapshot) -> None:
         self.last = (snapshot.position, snapshot.lit)
         has_one = int(snapshot.lit.sum()) >= LIT_MIN
-        self.hd = self.meter.hd(snapshot.position, snapshot.lit) if has_one else math.nan
+        if snapshot.hd_cells is not None:
+            self.hd = snapshot.hd_cells
+            has_one = not math.isnan(self.hd)
+        else:
+            self.hd = self.meter.hd(snapshot.position, snapshot.lit) if has_one else math.nan
         self.hd_counts = has_one and self.all_lit_s is not None and self.lit_share >= COUNTS_FROM
         if not self.hd_counts:
             return
