@@ -233,9 +233,10 @@ class Rounds(Group):
     anchor: Literal["largest", "smallest", "lowest", "challenger", "random"] = choice(
         "largest", "which of the swarms that merge is the anchor", only="rounds"
     )
-    challenger: Literal["random", "lowest"] = choice(
-        "random",
-        "which member of a swarm challenges, of those that see another swarm: any, or the lowest FID",
+    fids: Literal["drawn", "shape"] = choice(
+        "drawn",
+        "who is the lowest FID of a swarm, which challenges for it and names it: FIDs are drawn for each run, or are "
+        "those of the shape's points, whose order often follows its surface",
         only="rounds",
     )
     order: Literal["random", "fid"] = choice(

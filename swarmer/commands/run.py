@@ -202,11 +202,16 @@ def tell_plan(plan: Plan) -> None:
     links = "1 link" if n.added_links == 1 else f"{n.added_links} links"
     joined = f", joined by {links}" if n.added_links else ""
     parts = "1 component" if n.components == 1 else f"{n.components} components"
+    head = f"{plan.cloud.name}: {plan.size} points in {plan.rules.dim}D, neighbours"
     line = (
-        f"{plan.cloud.name}: {plan.size} points in {plan.cloud.dim}D, neighbours {n.mode} (η {n.eta}): "
+        f"{head} {n.mode} (η {n.eta}): "
         f"{parts}{joined}, longest link {n.longest_link_cells:.1f} cells, mean degree {n.mean_degree:.1f}"
     )
+    if plan.config.engine == "rounds" and plan.config.rounds.neighbours == "estimated":
+        line = f"{head} the {n.eta} nearest (η) where the FLSs are, anew in each round"
     lines = [line]
+    if plan.config.eta is not None and 2 * n.eta > plan.size:
+        lines.append(f"note: eta: {n.eta} is more than half of the {plan.size} FLSs")
     if n.components > 1 and not n.added_links:
         lines.append(
             f"note: no link of the {n.components} components leads to another: each may stay a swarm of its own; "

@@ -144,9 +144,9 @@ class _Run:
         everybody = np.ones(self.plan.size, dtype=np.bool_)
         snapshot = Snapshot(
             t_s=float(self.number),
-            position=self.world.position.copy(),
-            swarm=(self.rounds.xi + 1).astype(np.int32),
-            state=self.rounds.state.copy(),
+            position=self.world.by_point(self.world.position),
+            swarm=self.world.by_point(self.world.point[self.rounds.xi] + 1).astype(np.int32),
+            state=self.world.by_point(self.rounds.state),
             lit=everybody,
             alive=everybody.copy(),
             counters=self._counters(),

@@ -28,7 +28,6 @@ class Groups(NamedTuple):
     swarm: Rows  # the localizer's, which follows
     anchor_swarm: Rows
     wave: Rows  # 1 where the anchor's swarm stands still, 1 more than its wave where it localizes, too
-    sizes: Rows  # swarms of each group that formed, busy joins left out
     busy_joins: int
 
 
@@ -41,7 +40,6 @@ class _Agreed:
     swarm: list[int] = field(default_factory=list)
     anchor_swarm: list[int] = field(default_factory=list)
     wave: list[int] = field(default_factory=list)
-    sizes: list[int] = field(default_factory=list)
     busy_joins: int = 0
 
     def add(self, localizer: int, anchor: int, swarm: int, anchor_swarm: int, wave: int) -> None:
@@ -58,7 +56,6 @@ class _Agreed:
             swarm=np.array(self.swarm, dtype=np.int64),
             anchor_swarm=np.array(self.anchor_swarm, dtype=np.int64),
             wave=np.array(self.wave, dtype=np.int64),
-            sizes=np.array(self.sizes, dtype=np.int64),
             busy_joins=self.busy_joins,
         )
 
@@ -110,7 +107,6 @@ def group_all(links: Links, swarms: Swarms, order: Rows, selection: Selection) -
                 wave[member] = 0 if member == best else 1
                 if member != best:
                     agreed.add(row, group[best], member, best, 1)
-            agreed.sizes.append(len(group))
         elif begin < end:
             wave[swarm] = wave[seen[begin]] + 1
             agreed.add(challenger[swarm], ends[begin], swarm, seen[begin], wave[swarm])
@@ -172,7 +168,6 @@ def pair_exact(position: Vectors, swarms: Swarms) -> Groups:
         other = int(swarms.of[anchor])
         free[other] = False
         agreed.add(row, anchor, swarm, other, 1)
-        agreed.sizes.append(2)
         pairs_since += 1
     return agreed.groups()
 
@@ -181,7 +176,6 @@ def _pair(agreed: _Agreed, one: tuple[int, int], other: tuple[int, int], one_anc
     """one, other: (row, swarm)."""
     anchor, localizer = (one, other) if one_anchors else (other, one)
     agreed.add(localizer[0], anchor[0], localizer[1], anchor[1], 1)
-    agreed.sizes.append(2)
 
 
 def merged(swarms: Swarms, groups: Groups) -> Rows:

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from swarmer.shapes.neighbours import NeighbourLists, nearest_of
 
-Rows = NDArray[np.int64]  # 0-based rows of the cloud; FID = row + 1
+Rows = NDArray[np.int64]  # 0-based rows, in the order of FIDs
 Vectors = NDArray[np.float64]
 WIDEN_MAX = 4_000_000  # candidates looked at together while a swarm widens its range
 
@@ -24,20 +24,16 @@ class Swarms(NamedTuple):
 
     ids: Rows  # (S,) lowest row of each
     of: Rows  # (F,) the swarm of each FLS
-    members: Rows  # (F,) rows, swarm by swarm, each in the order in which its members may challenge
+    members: Rows  # (F,) rows, swarm by swarm, each in the order of FIDs
     starts: Rows  # (S + 1,) where the members of each begin
     sizes: Rows  # (S,)
 
     @classmethod
-    def of_ids(cls, xi: Rows, turn: Rows | None = None) -> Swarms:
-        """xi: (F,), the lowest row of the swarm of each FLS. turn: (F,), all rows in the order of the members' turns;
-        None: by FID.
-        """
+    def of_ids(cls, xi: Rows) -> Swarms:
+        """xi: (F,), the lowest row of the swarm of each FLS."""
         ids, of, sizes = np.unique(xi, return_inverse=True, return_counts=True)
-        in_turn = of if turn is None else of[turn]
-        members = np.argsort(in_turn, kind="stable")
-        members = members if turn is None else turn[members]
-        return cls(ids, of, members, np.concatenate([[0], np.cumsum(sizes)]), sizes)
+        starts = np.concatenate([[0], np.cumsum(sizes)])
+        return cls(ids, of, np.argsort(of, kind="stable"), starts, sizes)
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -70,9 +66,14 @@ class Nearest:
 class Planned:
     """Links to the planned neighbours."""
 
-    def __init__(self, lists: NeighbourLists) -> None:
-        self._ends: Rows = lists.fids.astype(np.int64) - 1
-        self._starts: Rows = np.asarray(lists.starts, dtype=np.int64)
+    def __init__(self, lists: NeighbourLists, point: Rows) -> None:
+        """point: (F,), which point of the plan each row has."""
+        row = np.empty_like(point)
+        row[point] = np.arange(len(point))
+        starts = np.asarray(lists.starts, dtype=np.int64)
+        counts = (starts[1:] - starts[:-1])[point]
+        self._ends: Rows = row[lists.fids.astype(np.int64)[ranges(starts[point], counts)] - 1]
+        self._starts: Rows = np.concatenate([[0], np.cumsum(counts)])
 
     def of(self, rows: Rows) -> tuple[Rows, Rows]:
         starts = self._starts[rows]
@@ -156,9 +157,9 @@ def _widened(sight: Nearest, swarms: Swarms, swarm: int) -> tuple[int, Rows]:
 
 
 def _nearest_outsider(position: Vectors, members: Rows, others: Rows) -> tuple[int, Rows]:
-    distance, near = cKDTree(position[others]).query(position[members], k=[1])
-    best = int(np.argmin(distance[:, 0]))
-    return int(members[best]), others[near[best]]
+    distance, near = map(np.asarray, cKDTree(position[others]).query(position[members]))
+    best = int(distance.argmin())
+    return int(members[best]), others[near[best : best + 1]]
 
 
 def _sorted(challenger: Rows, found: list[tuple[Rows, Rows]]) -> Links:

@@ -32,7 +32,7 @@ class Step(NamedTuple):
     anchors: int
     busy_joins: int
     waves: int
-    groups: Rows  # swarms of each group
+    groups: Rows  # swarms of each group: those that localized relative to one swarm, and that one
     flights: NDArray[np.float64]  # |V| of each localization
     localizing_cells: float
     swarm_cells: float
@@ -45,7 +45,8 @@ class SwarmRounds:
     def __init__(self, plan: Plan, world: World, technique: ArrayTechnique) -> None:
         config = plan.config
         self._world, self._technique, self._settings = world, technique, config.rounds
-        self._planned = plan.neighbours.neighbours if config.rounds.neighbours == "planned" else None
+        planned = config.rounds.neighbours == "planned"
+        self._planned = Planned(plan.neighbours.neighbours, world.point) if planned else None
         self._eta, self._pairs = plan.neighbours.eta, config.m == 2
         self._rng = generator(config.seed, "pairing")
         self.xi: Rows = np.arange(len(world))  # lowest row of the swarm of each FLS
@@ -62,8 +63,7 @@ class SwarmRounds:
 
     def step(self) -> Step:
         """Play one round. Raises BrokenTechnique."""
-        turn = self._rng.permutation(len(self._world)) if self._settings.challenger == "random" else None
-        swarms = Swarms.of_ids(self.xi, turn)
+        swarms = Swarms.of_ids(self.xi)
         groups = self._groups(swarms)
         moves = carry_out(
             self._world,
@@ -82,9 +82,7 @@ class SwarmRounds:
         if self._pairs and settings.pairing == "exact":
             return pair_exact(position, swarms)
         selection = select_anchors(settings.anchor, swarms, self._rng)
-        sight: Sight = (
-            Nearest(position, self._eta, self._world.dim) if self._planned is None else Planned(self._planned)
-        )
+        sight: Sight = self._planned or Nearest(position, self._eta, self._world.dim)
         if self._pairs:
             return pair_fast(live_links(sight, swarms), position, swarms, selection)
         order = self._rng.permutation(len(swarms)) if settings.order == "random" else np.arange(len(swarms))
@@ -105,7 +103,7 @@ def _summed_up(groups: Groups, moves: Moves) -> Step:
         anchors=len(np.unique(groups.anchor)),
         busy_joins=groups.busy_joins,
         waves=int(groups.wave.max(initial=0)),
-        groups=groups.sizes,
+        groups=np.unique(groups.anchor_swarm, return_counts=True)[1] + 1,
         flights=moves.lengths,
         localizing_cells=moves.localizing_cells,
         swarm_cells=moves.swarm_cells,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +20,15 @@ SAMPLE = 90  # FLSs that the paper's translation is taken from
 
 
 class World:
-    """Ground truth and estimated truth of a display, (F, 3) cells, and every draw that its physics makes."""
+    """Ground truth and estimated truth of a display, (F, 3) cells, and every draw that its physics makes.
+
+    Row r is the FLS with the r-th lowest FID, and its point is the point[r]-th of the shape.
+    """
 
     def __init__(self, plan: Plan) -> None:
         config = plan.config
-        self.truth: Vectors = plan.cloud.points
+        self.point = self._dealt(plan)
+        self.truth: Vectors = plan.cloud.points[self.point]
         self.dim = plan.rules.dim
         self.flown_cells = 0.0  # by all FLSs, deployment included
         model = config.rounds.dead_reckoning
@@ -36,6 +40,18 @@ class World:
 
     def __len__(self) -> int:
         return len(self.truth)
+
+    def _dealt(self, plan: Plan) -> Rows:
+        """Who gets which point. FIDs in the order of the shape's points follow its surface, where that order does."""
+        if plan.config.rounds.fids == "shape":
+            return np.arange(plan.size)
+        return generator(plan.config.seed, "fids").permutation(plan.size)
+
+    def by_point(self, values: NDArray[Any]) -> NDArray[Any]:
+        """What rows have, in the order of the shape's points."""
+        ordered = np.empty_like(values)
+        ordered[self.point] = values
+        return ordered
 
     def _deployed(self, plan: Plan) -> Vectors:
         """Where the FLSs begin: flown in from the dispatcher nearest to each point, or anywhere in a box."""

@@ -5,7 +5,6 @@ HD = max(max_i min_j |e'_i - g_j|, max_j min_i |e'_i - g_j|), with e' the estima
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -49,14 +48,8 @@ class HausdorffMeter:
     def __init__(self, truth: NDArray[Any]) -> None:
         """truth: (F, 3), display cells. Raises EmptyCloud."""
         self.truth: Points = _checked(truth, "truth").copy()
-
-    @cached_property
-    def _whole_tree(self) -> cKDTree:
-        return _tree(self.truth)
-
-    @cached_property
-    def _half_spacing(self) -> float:
-        return 0.5 * smallest_spacing(self.truth, self._whole_tree)
+        self._whole_tree: cKDTree = _tree(self.truth)
+        self._half_spacing = 0.5 * smallest_spacing(self.truth, self._whole_tree)
 
     def hd(self, position: Points, lit: NDArray[np.bool_] | None = None) -> float:
         """HD in cells of the lit FLSs and their points, translated by the mean of g_i - x_i over them.

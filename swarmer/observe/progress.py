@@ -34,7 +34,7 @@ NO_SWARM = SwarmStatistics(0, 0, 0, False)
 class Progress:
     """Taken from sample to sample by `update`."""
 
-    meter: HausdorffMeter
+    truth: NDArray[np.float64]
     ever_lit: NDArray[np.bool_]
     t_s: float = 0.0
     samples: int = 0
@@ -49,11 +49,19 @@ class Progress:
     swarms: SwarmStatistics = NO_SWARM
     states: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(STATES), dtype=np.int64))
     lit_share: float = 0.0
+    own_meter: HausdorffMeter | None = None
+
+    @property
+    def meter(self) -> HausdorffMeter:
+        """Made when it is first needed, for of a million points it takes seconds, and some engines bring the HD."""
+        if self.own_meter is None:
+            self.own_meter = HausdorffMeter(self.truth)
+        return self.own_meter
 
     @classmethod
     def of(cls, truth: NDArray[np.float64]) -> Progress:
         """Nothing known yet of a swarm for `truth`, (F, 3) cells."""
-        return cls(HausdorffMeter(truth), np.zeros(len(truth), dtype=np.bool_))
+        return cls(truth, np.zeros(len(truth), dtype=np.bool_))
 
     def update(self, snapshot: Snapshot) -> None:
         """Take a sample."""
