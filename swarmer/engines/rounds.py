@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,7 @@ class Rounds(Protocol):
 
     xi: Rows
     state: NDArray[np.int8]
+    failures: Counter[str]  # fixes that failed, by reason; a yardstick's
 
     @property
     def single(self) -> bool: ...
@@ -180,15 +182,14 @@ class _Run:
             "converged": self.converged,
             "first_single_swarm_round": self.formations[0] if self.formations else None,
             "formation_rounds": self.formations,
-            "localizing_cells": sum(row.localizing_cells for row in self.rows),
-            "swarm_cells": sum(row.swarm_cells for row in self.rows),
+            "distance_localizing_cells": sum(row.localizing_cells for row in self.rows),
+            "distance_swarm_cells": sum(row.swarm_cells for row in self.rows),
         }
+        if self.technique.references != 1:  # no swarms: the HD at the end says it
+            hd = self.rows[-1].hd_cells
+            result.extra["converged"] = hd is not None and hd < self.settings.stop_hd_cells
         if self.technique.references > 1:
-            result.extra |= self._of_the_yardstick()
-
-    def _of_the_yardstick(self) -> dict[str, Any]:
-        failures: dict[str, int] = getattr(self.rounds, "failures", {})
-        return {"fixes_failed": failures}
+            result.extra["fixes_failed"] = dict(self.rounds.failures)
 
 
 def make_rounds(plan: Plan, world: World, technique: ArrayTechnique) -> Rounds:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -49,6 +50,7 @@ class SwarmRounds:
         self._planned = Planned(plan.neighbours.neighbours, world.point) if planned else None
         self._eta, self._pairs = plan.neighbours.eta, config.m == 2
         self._rng = generator(config.seed, "pairing")
+        self.failures: Counter[str] = Counter()
         self.xi: Rows = np.arange(len(world))  # lowest row of the swarm of each FLS
         self.state: NDArray[np.int8] = np.full(len(world), State.AVAILABLE, dtype=np.int8)
 

@@ -35,7 +35,20 @@ COUNTERS = (
 )
 
 # What only some engines have; they give it with their result.
-OF_SOME_ENGINES = ("events", "trace_sha256", "invariants_checked", "invariant_violations")
+OF_SOME_ENGINES = (
+    "events",
+    "trace_sha256",
+    "invariants_checked",
+    "invariant_violations",
+    "rounds",
+    "rounds_to_hd",
+    "converged",
+    "first_single_swarm_round",
+    "formation_rounds",
+    "distance_localizing_cells",
+    "distance_swarm_cells",
+    "fixes_failed",
+)
 
 # What an engine without a clock, which counts rounds instead, does not have.
 OF_A_CLOCK = ("emulated_s", "time_to_hd_s", "all_lit_s", "first_single_swarm_s", "time_scale")
