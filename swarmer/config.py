@@ -24,6 +24,7 @@ from swarmer.config_groups import (
     Radio,
     Range,
     Recording,
+    Rounds,
     Sensing,
     Thaw,
     Virtual,
@@ -50,6 +51,12 @@ NEED_EPOCHS = (
     "census",
     "corner",
 )  # thaw policies: without epochs what is said of one counts in the next
+# Besides its own: an engine without protocol, clock and radio has no use for others.
+HEEDED_IN_ROUNDS = (
+    "shape", "points", "engine", "seed", "until_hd_cells", "time_scale", "epsilon_deg", "eta", "m", "technique",
+    "neighbours", "duplicates", "flight.dead_reckoning", "flight.cell_m", "deploy.start", "deploy.dispatchers",
+    "recording.enabled",
+)  # fmt: skip
 GAP_MS, BATTERY_S = 1.0, 0.1  # less makes storms of events in which emulated time stands still
 OFTEN = 600_000  # ms: the longest pause that makes sense
 
@@ -68,10 +75,11 @@ class RunConfig(Group):
         "sample exactly this many points of the shape",
         none="as many as the shape has",
     )
-    engine: Literal["process", "virtual"] = choice(
+    engine: Literal["process", "virtual", "rounds"] = choice(
         "process",
-        "what runs the FLSs: one process each, over UDP, or one process for all, in virtual time",
-        later=("rounds", "cluster"),
+        "what runs the FLSs: one process each, over UDP; one process for all, in virtual time; or no protocol at all, "
+        "round by round",
+        later=("cluster",),
     )
     seed: int = whole(1, "", 0, 4_294_967_295, "root of every random draw of the run")
     duration_s: float = number(60, "s", 0, FAR, "length of the run, from the go signal", above=True)
@@ -154,6 +162,7 @@ class RunConfig(Group):
     recording: Recording = Recording()
     process: Process = Process()
     virtual: Virtual = Virtual()
+    rounds: Rounds = Rounds()
 
     @classmethod
     def from_flat(cls, flat: Mapping[str, Any]) -> RunConfig:
@@ -201,6 +210,16 @@ class RunConfig(Group):
         """M as a number: 2 or infinity."""
         return math.inf if self.m == "inf" else self.m
 
+    @property
+    def length(self) -> float:
+        """How long the run may take, in its own unit."""
+        return self.rounds.max_rounds if self.engine == "rounds" else self.duration_s
+
+    @property
+    def unit(self) -> str:
+        """What the engine counts: seconds, or rounds."""
+        return "rounds" if self.engine == "rounds" else "s"
+
     def changed(self, **flags: Any) -> RunConfig:
         """A checked copy with other values; names as in `load_config`."""
         return RunConfig.from_flat(flat_layers(None, (), _given(flags), setting_facts(), base=self.flat()))
@@ -217,13 +236,27 @@ class RunConfig(Group):
             if (value := _at(self, fact.name)) != fact.default
         }
 
-    def ignored(self) -> list[str]:
-        """A line for each setting that was changed and that the engine does not heed."""
-        return [
-            f"{fact.name}: {as_yaml(value)} has no effect with the engine {self.engine}; only {fact.only} has it"
-            for fact in setting_facts()
-            if fact.only not in ("", self.engine) and (value := _at(self, fact.name)) != fact.default
+    def ignored(self, base: RunConfig | None = None) -> list[str]:
+        """Lines for the settings that were changed and that the engine does not heed.
+
+        base: those that nobody changed, such as a preset's; None: the defaults.
+        """
+        given = RunConfig() if base is None else base
+        changed = [fact for fact in setting_facts() if _at(self, fact.name) != _at(given, fact.name)]
+        lines = [
+            f"{fact.name}: {as_yaml(_at(self, fact.name))} has no effect with the engine {self.engine}; "
+            f"only {fact.only} has it"
+            for fact in changed
+            if fact.only not in ("", self.engine)
         ]
+        if self.engine == "rounds":
+            of_protocol = [
+                fact.name for fact in changed if not fact.only and fact.name not in HEEDED_IN_ROUNDS
+            ]
+            if of_protocol:
+                names = ", ".join(of_protocol)
+                lines.append(f"{names}: no effect with the engine rounds, which plays no protocol")
+        return lines
 
     def to_yaml(self) -> str:
         """The resolved settings as a file that makes the same run again."""
@@ -264,9 +297,10 @@ def contradictions(config: RunConfig) -> list[str]:
             f"epochs: false is not allowed with thaw.policy: {config.thaw.policy}, whose late reports would count; "
             "true, or thaw.policy: timer"
         ]
-    if config.engine == "virtual" and config.time_scale != "auto":
+    if config.engine in ("virtual", "rounds") and config.time_scale != "auto":
         return [
-            f"time_scale: {config.time_scale:g} is not for the engine virtual; auto, for it runs as fast as it can"
+            f"time_scale: {config.time_scale:g} is not for the engine {config.engine}; "
+            "auto, for it runs as fast as it can"
         ]
     least, longest = config.virtual.latency_min_ms, config.virtual.latency_max_ms
     if least > longest:

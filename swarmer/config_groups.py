@@ -202,3 +202,99 @@ class Virtual(Group):
     handling_ms: float = number(
         0.15, "ms", 0, 60_000, "time that an FLS takes for one message, while others queue", only="virtual"
     )
+
+
+class Rounds(Group):
+    """The rounds engine alone."""
+
+    max_rounds: int = whole(100, "", 1, FAR, "rounds at most", only="rounds")
+    stop: Literal["hd", "none"] = choice(
+        "hd",
+        "end at a single swarm whose Hausdorff distance is low enough, or not before max_rounds",
+        only="rounds",
+    )
+    stop_hd_cells: float = number(
+        0.09,
+        "cells",
+        0,
+        FAR,
+        "how low the Hausdorff distance of a single swarm must be",
+        above=True,
+        only="rounds",
+    )
+    max_thaws: int | None = whole(
+        None, "", 0, FAR, "end at the single swarm after so many thaws", none="no limit", only="rounds"
+    )
+    neighbours: Literal["estimated", "planned"] = choice(
+        "estimated",
+        "links to the eta nearest FLSs where they are, found anew each round, or to the planned neighbours",
+        only="rounds",
+    )
+    anchor: Literal["largest", "smallest", "lowest", "challenger", "random"] = choice(
+        "largest", "which of the swarms that merge is the anchor", only="rounds"
+    )
+    fids: Literal["drawn", "shape"] = choice(
+        "drawn",
+        "who is the lowest FID of a swarm, which challenges for it and names it: FIDs are drawn for each run, or are "
+        "those of the shape's points, whose order often follows its surface",
+        only="rounds",
+    )
+    order: Literal["random", "fid"] = choice(
+        "random", "order in which swarms challenge: drawn for each round, or by Swarm-ID", only="rounds"
+    )
+    pairing: Literal["fast", "exact"] = choice(
+        "fast",
+        "m 2: pair along links, then the nearest of the others; or one after the other with the nearest FLS of any "
+        "free swarm, as the authors' program",
+        only="rounds",
+    )
+    dead_reckoning: Literal["flight", "full", "one_sided", "one_sided_random"] = choice(
+        "flight", "angle error of flights; flight: as flight.dead_reckoning says", only="rounds"
+    )
+    pm_first_leg: Literal["dead_reckoning", "exact"] = choice(
+        "dead_reckoning",
+        "physical_movement: how the way to the anchor is flown; exact: without error, to 0.1 cell beside it, as in the "
+        "authors' program",
+        only="rounds",
+    )
+    threshold_cells: float = number(0, "cells", 0, 1000, "shorter flights are skipped", only="rounds")
+    dim: Literal["auto", 2, 3, "flatten"] = choice(
+        "auto", "2 for a flat shape, 3 for others; or said so; flatten drops the depth", only="rounds"
+    )
+    box_cells: float | None = number(
+        None,
+        "cells",
+        0,
+        FAR,
+        "deploy.start random: anywhere from 0 to this on each axis",
+        above=True,
+        none="the display's box",
+        only="rounds",
+    )
+    hd_translation: Literal["centroid", "sampled", "none"] = choice(
+        "centroid",
+        "the Hausdorff distance is read after moving the swarm by the mean error, by the best of a sample of "
+        "errors, or not at all",
+        only="rounds",
+    )
+    hd_every: Literal["auto", "round", "formation"] = choice(
+        "auto",
+        "when it is read; auto: each round, with more than 50000 FLSs at each formation",
+        only="rounds",
+    )
+    yardstick_order: Literal["independent", "sequential"] = choice(
+        "independent",
+        "triangulation, trilateration: many FLSs in a round, none next to another, or one",
+        only="rounds",
+    )
+    yardstick_radius: Literal["worst", "average"] = choice(
+        "worst", "error that an FLS reckons with: of the worst flight, or half of it", only="rounds"
+    )
+    yardstick_confidence: float = number(
+        0.99, "p", 0, 1, "an FLS with at least this confidence stays where it is", only="rounds"
+    )
+    yardstick_flight_error: bool = flag(
+        False,
+        "triangulation, trilateration: dead reckoning errs on the way to the computed position",
+        only="rounds",
+    )

@@ -17,7 +17,7 @@ from swarmer.errors import BadInput
 from swarmer.physics.flight import Velocity
 from swarmer.physics.sensing import MODELS as SENSOR_MODELS
 from swarmer.physics.sensing import Sensor
-from swarmer.plugins import ENTRY_POINTS, Localizer
+from swarmer.plugins import ENTRY_POINTS, Localizer, references_of
 from swarmer.protocol.anchor_selection import STRATEGIES
 from swarmer.protocol.census import Census
 from swarmer.protocol.challenge_policy import ChallengePolicy, Decay, RComplete
@@ -111,12 +111,56 @@ def make_plan(config: RunConfig) -> Plan:
     technique = find_technique(config.technique)
     cloud = load_shape(config.shape, config.points, config.duplicates, config.seed)
     config = config.model_copy(update={"shape": place_of(config.shape)})
+    cloud, dim = dimensioned(config, cloud)
+    check_references(config, technique, len(cloud), dim)
     neighbours = neighbour_plan(cloud.points, config.eta, config.neighbours)
     diagonal = math.dist((0.0, 0.0, 0.0), cloud.box_cells)
-    rules = make_rules(config, len(cloud), cloud.dim, diagonal, technique)
+    rules = make_rules(config, len(cloud), dim, diagonal, technique)
     if config.thaw.policy == "corner":
         rules = rules._replace(thaw_corners=corners(cloud))
     return Plan(config, cloud, neighbours, rules, diagonal)
+
+
+def dimensioned(config: RunConfig, cloud: PointCloud) -> tuple[PointCloud, int]:
+    """The cloud and the number of its dimensions as `rounds.dim` has them. Raises BadInput."""
+    asked = config.rounds.dim if config.engine == "rounds" else "auto"
+    if asked == "auto":
+        return cloud, cloud.dim
+    if asked == "flatten":
+        from swarmer.shapes.cloud import flattened
+
+        return flattened(cloud, config.duplicates), 2
+    if asked < cloud.dim:
+        raise BadInput(
+            "rounds.dim",
+            asked,
+            f"{cloud.name} is {cloud.box_cells[2]:g} cells deep; auto, 3, or flatten to drop it",
+        )
+    return cloud, asked
+
+
+def check_references(config: RunConfig, technique: str, count: int, dim: int) -> None:
+    """Raises BadInput for a technique of several references in an engine, or a display, that has no use for it."""
+    from swarmer.plugins.guarded import who_is
+
+    try:
+        needed = references_of(make_localizer(technique), dim)
+    except Exception as error:  # a user's own package
+        raise BadInput.saying(
+            f"technique: {who_is(config.technique)} cannot be made: {type(error).__name__}: {error}"
+        ) from error
+    if needed < 2:
+        return
+    if config.engine != "rounds":
+        raise BadInput(
+            "technique",
+            config.technique,
+            f"it needs {needed} references at a time; only --engine rounds has them",
+        )
+    if count <= needed:
+        raise BadInput(
+            "technique", config.technique, f"too few points: it needs {needed + 1} or more, {count} are there"
+        )
 
 
 def corners(cloud: PointCloud) -> tuple[int, ...]:

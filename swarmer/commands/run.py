@@ -31,11 +31,12 @@ ANY_WIDTH = 1000  # where there is no terminal, a line stays one
 @click.option("--shape", metavar="NAME|FILE", help="Catalogue name (`swarmer shapes`) or a file: .ptcld .xyz .csv .txt .npy .mat .off .ply .obj .stl .glb. [default: dragon]")  # fmt: skip
 @click.option("--lambda", "lambda_ms", metavar="MS", help="Mean time between two challenges of an FLS, milliseconds. [default: 500]")  # fmt: skip
 @click.option("--duration", "duration_s", metavar="S", help="Length of the run from the go signal, emulated seconds. [default: 60]")  # fmt: skip
+@click.option("--rounds", metavar="N", help="With --engine rounds: rounds at most. [default: 100]")
 @click.option("--until-hd", "until_hd_cells", metavar="CELLS", help="End as soon as the Hausdorff distance is below this, display cells.")  # fmt: skip
 @click.option("--seed", metavar="N", help="Root of every random draw. [default: 1]")
 @click.option("--points", metavar="N", help="Sample exactly N points of the shape.")
-@click.option("--engine", metavar="NAME", help="What runs the FLSs: process (one OS process each, over UDP) or virtual (one for all, in virtual time, repeatable). [default: process]")  # fmt: skip
-@click.option("--time-scale", metavar="X|auto", help="Emulated seconds per wall second, 0.001 to 10; auto is as fast as this machine stays faithful, at most 1. Not for virtual. [default: auto]")  # fmt: skip
+@click.option("--engine", metavar="NAME", help="What runs the FLSs: process (one OS process each, over UDP), virtual (one for all, in virtual time, repeatable) or rounds (no protocol, round by round, to a million points). [default: process]")  # fmt: skip
+@click.option("--time-scale", metavar="X|auto", help="Emulated seconds per wall second, 0.001 to 10; auto is as fast as this machine stays faithful, at most 1. Not for virtual and rounds. [default: auto]")  # fmt: skip
 @click.option(
     "--config", metavar="FILE", help="Settings: a YAML file, or a preset: default, paper, authors_code."
 )
@@ -62,6 +63,7 @@ def command(
     trace_fids: str | None,
     as_json: bool,
     shape: str | None,
+    rounds: str | None,
     **texts: str | None,
 ) -> int:
     """Run a shape, from dead-reckoned chaos to a localized swarm.
@@ -71,6 +73,7 @@ def command(
     """
     # As texts the other options are read like `--set`, which knows what each must be.
     given = [f"{name}={text}" for name, text in texts.items() if text is not None]
+    given += [] if rounds is None else [f"rounds.max_rounds={rounds}"]
     flags: dict[str, Any] = {"shape": shape}
     if dedupe:
         flags["duplicates"] = "drop"
@@ -85,6 +88,14 @@ def command(
     return run(
         settings, directory_named(out), live, as_json, source=config, trace_fids=trace_fids, check=check
     )
+
+
+def preset(source: str | None) -> RunConfig | None:
+    """The settings of the preset that `--config` names, if it names one."""
+    from swarmer.config import load_config
+    from swarmer.settings_file import preset_names
+
+    return load_config(source) if source in preset_names() else None
 
 
 def directory_named(out: str | None) -> Path | None:
@@ -135,7 +146,7 @@ def run(
     with ready as engine:
         directory = RunDirectory.create(out, config.shape, config.seed, sys.argv)
         tell_plan(plan)
-        for line in config.ignored():
+        for line in config.ignored(preset(source)):
             click.echo(f"note: {line}", err=True)
         tell_changed_shape(plan, source)
         collector = Collector(directory, Panel(), live)
@@ -191,11 +202,16 @@ def tell_plan(plan: Plan) -> None:
     links = "1 link" if n.added_links == 1 else f"{n.added_links} links"
     joined = f", joined by {links}" if n.added_links else ""
     parts = "1 component" if n.components == 1 else f"{n.components} components"
+    head = f"{plan.cloud.name}: {plan.size} points in {plan.rules.dim}D, neighbours"
     line = (
-        f"{plan.cloud.name}: {plan.size} points in {plan.cloud.dim}D, neighbours {n.mode} (η {n.eta}): "
+        f"{head} {n.mode} (η {n.eta}): "
         f"{parts}{joined}, longest link {n.longest_link_cells:.1f} cells, mean degree {n.mean_degree:.1f}"
     )
+    if plan.config.engine == "rounds" and plan.config.rounds.neighbours == "estimated":
+        line = f"{head} the {n.eta} nearest (η) where the FLSs are, anew in each round"
     lines = [line]
+    if plan.config.eta is not None and 2 * n.eta > plan.size:
+        lines.append(f"note: eta: {n.eta} is more than half of the {plan.size} FLSs")
     if n.components > 1 and not n.added_links:
         lines.append(
             f"note: no link of the {n.components} components leads to another: each may stay a swarm of its own; "

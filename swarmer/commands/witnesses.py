@@ -19,14 +19,14 @@ def refuse_witnesses(config: RunConfig, trace_fids: str | None, check: bool) -> 
     """Raises BadInput for an event log, or checks, of a run that nobody sees event by event."""
     if config.engine == "virtual":
         return
+    plays = "plays the protocol" if config.engine == "rounds" else "plays the same protocol"
     if trace_fids is not None:
         raise BadInput.saying(
-            f"trace: the engine {config.engine} keeps no event log; --engine virtual does, and plays the same protocol"
+            f"trace: the engine {config.engine} keeps no event log; --engine virtual does, and {plays}"
         )
     if check:
         raise BadInput.saying(
-            f"check: the engine {config.engine} cannot be checked event by event; --engine virtual can, "
-            "and plays the same protocol"
+            f"check: the engine {config.engine} cannot be checked event by event; --engine virtual can, and {plays}"
         )
 
 

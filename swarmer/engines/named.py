@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from swarmer.engines.process import ProcessEngine
     from swarmer.engines.result import Witness
+    from swarmer.engines.rounds import RoundsEngine
     from swarmer.engines.virtual import VirtualEngine
     from swarmer.plan import Plan
 
 
-def make_engine(plan: Plan, witnesses: Sequence[Witness] = ()) -> ProcessEngine | VirtualEngine:
+def make_engine(
+    plan: Plan, witnesses: Sequence[Witness] = ()
+) -> ProcessEngine | VirtualEngine | RoundsEngine:
     """A context that runs the plan once. Raises BadInput where this machine cannot take the run.
 
     witnesses: of a run in virtual time; processes have none.
@@ -21,6 +24,10 @@ def make_engine(plan: Plan, witnesses: Sequence[Witness] = ()) -> ProcessEngine 
         from swarmer.engines.virtual import VirtualEngine
 
         return VirtualEngine(plan, witnesses)
+    if plan.config.engine == "rounds":
+        from swarmer.engines.rounds import RoundsEngine
+
+        return RoundsEngine(plan)
     from swarmer.engines.process import ProcessEngine
 
     return ProcessEngine(plan)

@@ -35,6 +35,31 @@ class Snapshot(NamedTuple):
         None  # (F,), of the Swarm-ID's owner; None: 0, nobody was replaced
     )
     flown: NDArray[np.float64] | None = None  # (F, 2), cells flown: localizing, following
+    hd_cells: float | None = None  # as the engine has read it, NaN: not read; None: the observer reads it
+
+
+class RoundRow(NamedTuple):
+    """A line of rounds.csv: one round of an engine that has no clock. Lengths in cells."""
+
+    round: int  # 0: the deployment
+    swarms: int  # at its end
+    hd_cells: float | None  # None where it was not read
+    localizing: int  # FLSs that localized
+    anchors: int  # FLSs relative to which
+    busy_joins: int
+    waves: int
+    size_min: int  # FLSs of the smallest swarm at its end
+    size_mean: float
+    size_max: int
+    group_min: int  # swarms that merged at one anchor; 0 where none did
+    group_mean: float
+    group_max: int
+    flight_min: float  # |V| of the localizing FLSs
+    flight_mean: float
+    flight_max: float
+    localizing_cells: float  # flown by the localizing FLSs
+    swarm_cells: float  # flown by those that followed them
+    failed: int = 0  # FLSs that found no fix; a yardstick's
 
 
 class Lateness(NamedTuple):
@@ -174,6 +199,8 @@ class RunResult:
     faithful: bool | None = None
     suggested_time_scale: float | None = None
     first_single_swarm_s: float | None = None  # as far as the engine knows, be it between two samples
+    in_rounds: bool = False  # every `_s` of the run, in samples and events, counts rounds: there is no clock
+    round_rows: list[RoundRow] = field(default_factory=list)  # a line for each of them
     extra: dict[str, Any] = field(
         default_factory=dict
     )  # what only this engine has, by its name in the summary

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import gc
-import signal
-import threading
 import time
 from array import array
 from collections.abc import Iterator, Sequence
@@ -24,6 +22,7 @@ from swarmer.engines.fidelity import faithful
 from swarmer.engines.reading import totals_of
 from swarmer.engines.result import Event, Lateness, Live, Observer, RunResult, Snapshot, Witness
 from swarmer.engines.specs import fls_rows, fls_spec
+from swarmer.engines.stopping import told_to_stop
 from swarmer.engines.thaws import Sight, ThawTally, ThawWatch
 from swarmer.engines.virtual_faults import Weather
 from swarmer.engines.virtual_fls import FAILED, Shared, VirtualFls
@@ -41,8 +40,6 @@ from swarmer.streams import stream
 from swarmer.telemetry import COUNTERS
 
 if TYPE_CHECKING:
-    from types import FrameType
-
     from numpy.typing import NDArray
 
     from swarmer.fls import FlsSpec
@@ -108,7 +105,7 @@ class _Run:
 
     def play(self) -> RunResult:
         result = self.result
-        with self._signals(), _undisturbed():
+        with told_to_stop(self._interrupt), _undisturbed():
             try:
                 began = time.monotonic()
                 self._launch()
@@ -129,21 +126,7 @@ class _Run:
             self._sum_up()
         return result
 
-    @contextlib.contextmanager
-    def _signals(self) -> Iterator[None]:
-        """Ctrl-C ends the run in good order."""
-        if threading.current_thread() is not threading.main_thread():
-            yield
-            return
-        numbers = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else ()))
-        before = {number: signal.signal(number, self._interrupt) for number in numbers}
-        try:
-            yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
-
-    def _interrupt(self, number: int, frame: FrameType | None) -> None:
+    def _interrupt(self) -> None:
         self.result.status = "interrupted"
         self.stopping = True
 

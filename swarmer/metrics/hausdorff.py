@@ -87,6 +87,21 @@ class HausdorffMeter:
         return _farthest_from(_tree(moved), fixed, apart, order, one_way)
 
 
+def sampled_translation(errors: Points) -> Points:
+    """The paper's other translation: of a sample's own errors the one that brings the sample nearest to its points.
+
+    errors: (n, 3), g_k - x_k of n FLSs, cells. Result: (3,), the D_k with the least sum_j |D_k - D_j|; the first of
+    equal ones (SwarMer, section 4.2, the simulator).
+
+    >>> sampled_translation(np.array([[0.0, 0, 0], [1, 0, 0], [5, 0, 0]])).tolist()
+    [1.0, 0.0, 0.0]
+    """
+    from scipy.spatial.distance import cdist
+
+    best: Points = errors[int(np.argmin(cdist(errors, errors).sum(axis=1)))]
+    return best
+
+
 def smallest_spacing(truth: Points, tree: cKDTree | None = None) -> float:
     """Smallest distance between two of the (F, 3) points, cells; infinite for a single point."""
     if len(truth) < 2:

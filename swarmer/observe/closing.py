@@ -34,16 +34,21 @@ def closing_lines(
 
 def _head(summary: dict[str, Any]) -> str:
     status = ENDED.get(str(summary.get("status")), str(summary.get("status")))
-    emulated, wall = summary.get("emulated_s") or 0.0, summary.get("wall_s") or 0.0
-    return f"{status}: {summary.get('shape')}, {summary.get('points')} FLSs, {emulated:.1f} s emulated in {wall:.1f} s"
+    wall = summary.get("wall_s") or 0.0
+    if summary.get("rounds") is not None:
+        went = f"{summary['rounds']} rounds"
+    else:
+        went = f"{summary.get('emulated_s') or 0.0:.1f} s emulated"
+    return f"{status}: {summary.get('shape')}, {summary.get('points')} FLSs, {went} in {wall:.1f} s"
 
 
 def _swarms(summary: dict[str, Any]) -> str:
-    first = summary.get("first_single_swarm_s")
-    if first is None:
+    first, first_round = summary.get("first_single_swarm_s"), summary.get("first_single_swarm_round")
+    if first is None and first_round is None:
         return f"never all one swarm ({count(summary.get('swarms_last'))} at the end)"
     number = summary.get("single_swarm_count") or 1
-    return f"one swarm at {seconds(first)}" + (f", {number} ×" if number > 1 else "")
+    when = seconds(first) if first_round is None else f"round {first_round}"
+    return f"one swarm at {when}" + (f", {number} ×" if number > 1 else "")
 
 
 def _lit(summary: dict[str, Any]) -> list[str]:
@@ -58,17 +63,29 @@ def _lit(summary: dict[str, Any]) -> list[str]:
 
 def _table(summary: dict[str, Any], width: int) -> list[str]:
     """When HD fell below each threshold: a column each, or a line where the columns are too many."""
-    reached = summary.get("time_to_hd_s") or {}
+    in_rounds = summary.get("rounds_to_hd")
+    reached = in_rounds or summary.get("time_to_hd_s") or {}
     if not reached:
         return []
+    when = _round if in_rounds else seconds
     if COLUMN * len(reached) + 5 > width:
-        return [f"  HD {'< ' + name:{COLUMN}}{seconds(value):>8}" for name, value in reached.items()]
+        return [f"  HD {'< ' + name:{COLUMN}}{when(value):>8}" for name, value in reached.items()]
     above = "".join(f"{'< ' + name:>{COLUMN}}" for name in reached)
-    below = "".join(f"{seconds(value):>{COLUMN}}" for value in reached.values())
-    return [f"  HD {above}", f"  at {below}"]
+    below = "".join(f"{when(value):>{COLUMN}}" for value in reached.values())
+    return [f"  HD {above}", f"  {'round' if in_rounds else 'at'} {below[3:] if in_rounds else below}"]
+
+
+def _round(value: float | None) -> str:
+    return "never" if value is None else f"{value:.0f}"
 
 
 def _trust(summary: dict[str, Any]) -> list[str]:
+    if summary.get("rounds") is not None:
+        return (
+            []
+            if summary.get("converged")
+            else ["  not converged: the HD asked for was not reached at a single swarm"]
+        )
     if summary.get("faithful") is None:
         return (
             [] if summary.get("handled_late_ms") else ["  not known to be faithful: no message was handled"]

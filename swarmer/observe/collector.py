@@ -121,9 +121,10 @@ class Collector:
             self._keep(self._timeline.close)
         if self._recording is not None:
             self._keep(self._recording.close)
-        self._keep(
-            self.directory.log, f"{result.status}: {result.emulated_s:.2f} s {result.message}".rstrip()
-        )
+        went = f"{result.emulated_s:.0f} rounds" if result.in_rounds else f"{result.emulated_s:.2f} s"
+        self._keep(self.directory.log, f"{result.status}: {went} {result.message}".rstrip())
+        if result.round_rows:
+            self._keep(self.directory.write_rounds, result.round_rows)
         summary = self._summary(result)
         self._keep(self.directory.close, summary.get("status", result.status))
         if summary:

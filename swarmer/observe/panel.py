@@ -43,9 +43,10 @@ class Panel:
     def planned(self, plan: Plan) -> None:
         """Learn what is run."""
         config, view = plan.config, self._view
-        view.size, view.duration_s = plan.size, config.duration_s
+        view.size, view.duration_s, view.unit = plan.size, config.length, config.unit
         view.until_hd_cells, view.late_bound_ms = config.until_hd_cells, config.lease_ms / 2
-        view.title = f"{plan.cloud.name} · {plan.size} FLSs · λ {config.lambda_ms:g} ms · seed {config.seed}"
+        pace = f"λ {config.lambda_ms:g} ms" if view.unit == "s" else f"M {config.m}"
+        view.title = f"{plan.cloud.name} · {plan.size} FLSs · {pace} · seed {config.seed}"
         if not self._terminal:
             self.say(f"planned {plan.cloud.name}: {plan.size} points, seed {config.seed}")
 

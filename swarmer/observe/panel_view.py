@@ -35,6 +35,7 @@ class View:
     title: str = ""
     size: int = 0  # F
     duration_s: float = 0.0
+    unit: str = "s"  # or "rounds"
     until_hd_cells: float | None = None
     late_bound_ms: float = math.inf  # half a lease
     t_s: float = 0.0
@@ -63,7 +64,7 @@ class View:
 def plain_line(view: View) -> str:
     """The same on one line without colours."""
     parts = [
-        f"{view.t_s:.1f} of {view.duration_s:g} s",
+        f"{_now(view)} of {view.duration_s:g} {view.unit}",
         f"HD {cells(view.hd)} cells",
         swarms(view.swarms),
         f"{view.lit}/{view.size} lit",
@@ -99,7 +100,7 @@ def panel_lines(view: View, width: int) -> list[Text]:
 def _narrow_lines(view: View, width: int) -> list[Text]:
     """The same for a narrow terminal."""
     share, eta = _share(view), "–" if view.eta_s is None else clock(view.eta_s)
-    head = f"{view.t_s:.1f} of {view.duration_s:g} s "
+    head = f"{_now(view)} of {view.duration_s:g} {view.unit} "
     tail = f" {100 * share:.0f} %"
     single = f", one {view.single_swarms} ×" if view.single_swarms else ""
     live = view.live
@@ -135,10 +136,14 @@ def _text(*parts: tuple[str, str] | str) -> Text:
 
 def _time_line(view: View, width: int) -> Text:
     share = _share(view)
-    head = f"{view.t_s:7.1f} s of {view.duration_s:g}  "
+    head = f"{_now(view):>7} {view.unit} of {view.duration_s:g}  "
     eta = "–" if view.eta_s is None else clock(view.eta_s)
     tail = f"  {100 * share:3.0f} %   wall {clock(view.wall_s)}   ETA {eta:<7}"
     return _text((head, LABEL), *_progress_bar(share, width - len(head) - len(tail)), tail)
+
+
+def _now(view: View) -> str:
+    return f"{view.t_s:.1f}" if view.unit == "s" else f"{view.t_s:.0f}"
 
 
 def _share(view: View) -> float:

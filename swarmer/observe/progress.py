@@ -34,7 +34,7 @@ NO_SWARM = SwarmStatistics(0, 0, 0, False)
 class Progress:
     """Taken from sample to sample by `update`."""
 
-    meter: HausdorffMeter
+    truth: NDArray[np.float64]
     ever_lit: NDArray[np.bool_]
     t_s: float = 0.0
     samples: int = 0
@@ -49,11 +49,19 @@ class Progress:
     swarms: SwarmStatistics = NO_SWARM
     states: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(STATES), dtype=np.int64))
     lit_share: float = 0.0
+    own_meter: HausdorffMeter | None = None
+
+    @property
+    def meter(self) -> HausdorffMeter:
+        """Made when it is first needed, for of a million points it takes seconds, and some engines bring the HD."""
+        if self.own_meter is None:
+            self.own_meter = HausdorffMeter(self.truth)
+        return self.own_meter
 
     @classmethod
     def of(cls, truth: NDArray[np.float64]) -> Progress:
         """Nothing known yet of a swarm for `truth`, (F, 3) cells."""
-        return cls(HausdorffMeter(truth), np.zeros(len(truth), dtype=np.bool_))
+        return cls(truth, np.zeros(len(truth), dtype=np.bool_))
 
     def update(self, snapshot: Snapshot) -> None:
         """Take a sample."""
@@ -70,7 +78,11 @@ class Progress:
     def _update_hd(self, snapshot: Snapshot) -> None:
         self.last = (snapshot.position, snapshot.lit)
         has_one = int(snapshot.lit.sum()) >= LIT_MIN
-        self.hd = self.meter.hd(snapshot.position, snapshot.lit) if has_one else math.nan
+        if snapshot.hd_cells is not None:
+            self.hd = snapshot.hd_cells
+            has_one = not math.isnan(self.hd)
+        else:
+            self.hd = self.meter.hd(snapshot.position, snapshot.lit) if has_one else math.nan
         self.hd_counts = has_one and self.all_lit_s is not None and self.lit_share >= COUNTS_FROM
         if not self.hd_counts:
             return

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import swarmer
-from swarmer.engines.result import Event
+from swarmer.engines.result import Event, RoundRow
 from swarmer.errors import BadInput, RunFailed
 from swarmer.observe.files import PARTIAL, TEMPORARY, Stream, disk_errors, write_text
 
@@ -42,8 +42,9 @@ CONFIG, MANIFEST, SUMMARY, EVENTS, LOG = (
     "log.txt",
 )
 RECORDING, TIMELINE, REPORT, TRACE = "recording.rrd", "timeline.npz", "report.html", "trace.jsonl.gz"
+ROUNDS = "rounds.csv"
 MANIFEST_FORMAT = 1
-FILES = (CONFIG, MANIFEST, SUMMARY, EVENTS, LOG, RECORDING, TIMELINE, REPORT, TRACE)
+FILES = (CONFIG, MANIFEST, SUMMARY, EVENTS, LOG, RECORDING, TIMELINE, REPORT, TRACE, ROUNDS)
 DISK_FULL = {errno.ENOSPC, errno.EDQUOT}
 EVENT_COLUMNS = ("t_s", "kind", "fid", "text")
 LIBRARIES = ("numpy", "scipy", "rerun-sdk", "pydantic", "click", "rich")
@@ -105,6 +106,10 @@ class RunDirectory:
         write_text(
             self.path / SUMMARY, json.dumps(summary, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
         )
+
+    def write_rounds(self, rows: Sequence[RoundRow]) -> None:
+        """Write rounds.csv, a line for each round; what was not read is empty. Raises RunFailed."""
+        write_text(self.path / ROUNDS, b"".join(map(_csv_line, (RoundRow._fields, *rows))).decode())
 
     def event(self, event: Event) -> None:
         """Append a line to events.csv. Raises RunFailed."""

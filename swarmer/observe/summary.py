@@ -35,14 +35,31 @@ COUNTERS = (
 )
 
 # What only some engines have; they give it with their result.
-OF_SOME_ENGINES = ("events", "trace_sha256", "invariants_checked", "invariant_violations")
+OF_SOME_ENGINES = (
+    "events",
+    "trace_sha256",
+    "invariants_checked",
+    "invariant_violations",
+    "rounds",
+    "rounds_to_hd",
+    "converged",
+    "first_single_swarm_round",
+    "formation_rounds",
+    "distance_localizing_cells",
+    "distance_swarm_cells",
+    "fixes_failed",
+)
+
+# What an engine without a clock, which counts rounds instead, does not have.
+OF_A_CLOCK = ("emulated_s", "time_to_hd_s", "all_lit_s", "first_single_swarm_s", "time_scale")
 
 
 def make_summary(progress: Progress, result: RunResult, shape: str, points: int, seed: int) -> dict[str, Any]:
     """Every name of summary.json; no value is NaN or infinite.
 
     `hd_cells` and `hd_absolute_cells` are of the last sample, null where fewer than two FLSs were lit in it; which HDs
-    count for `hd_min_cells` and `time_to_hd_s` says `progress`.
+    count for `hd_min_cells` and `time_to_hd_s` says `progress`. An engine that counts
+    rounds has `rounds_to_hd` instead.
     """
     counters = result.counters
     summary: dict[str, Any] = {
@@ -79,6 +96,8 @@ def make_summary(progress: Progress, result: RunResult, shape: str, points: int,
         "suggested_time_scale": result.suggested_time_scale,
         **dict.fromkeys(OF_SOME_ENGINES),
     }
+    if getattr(result, "in_rounds", False):
+        summary |= {"rounds_to_hd": _whole_rounds(progress.time_to_hd_s), **dict.fromkeys(OF_A_CLOCK)}
     summary.update(getattr(result, "extra", None) or {})
     return {name: plain(value) for name, value in summary.items()}
 
@@ -87,6 +106,10 @@ def _first_single_swarm(progress: Progress, result: RunResult) -> float | None:
     """A sample sees few of the moments of one swarm if a thaw ends each at once; an engine may know better."""
     known = (progress.first_single_swarm_s, result.first_single_swarm_s)
     return min((t_s for t_s in known if t_s is not None), default=None)
+
+
+def _whole_rounds(reached: dict[str, float | None]) -> dict[str, int | None]:
+    return {name: _whole(number) for name, number in reached.items()}
 
 
 def _whole(count: float | None) -> int | None:

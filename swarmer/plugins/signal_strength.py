@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from swarmer.messages import Vec3
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 class SignalStrength:
@@ -19,3 +25,9 @@ class SignalStrength:
             measured[1] - ground_truth[1],
             measured[2] - ground_truth[2],
         )
+
+    def displacements(
+        self, measured: NDArray[np.float64], ground_truth: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """The same for (n, 3) vectors."""
+        return measured - ground_truth

@@ -95,6 +95,15 @@ def with_points(cloud: PointCloud, points: Points) -> PointCloud:
     return replace(cloud, points=made.points, dim=made.dim)
 
 
+def flattened(cloud: PointCloud, duplicates: str = "refuse") -> PointCloud:
+    """The cloud without its depth, checked anew: points that differed in depth alone are duplicates now."""
+    flat = make_cloud(
+        cloud.name, cloud.points[:, :2], licence=cloud.licence, source=cloud.source, credit=cloud.credit,
+        duplicates=duplicates,
+    )  # fmt: skip
+    return replace(flat, dropped=cloud.dropped + flat.dropped)
+
+
 def _count(number: int) -> str:
     return "1 point" if number == 1 else f"{number} points"
 

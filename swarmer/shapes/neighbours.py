@@ -136,29 +136,44 @@ def nearest_table(points: Points, k: int) -> tuple[NDArray[np.uint32], Cells]:
 
 
 def _nearest(points: Points, k: int) -> tuple[Rows, Cells]:
-    """Rows (F, k) of the k nearest others and their distances, sorted by (distance, row).
+    """Rows (F, k) of the k nearest others and their distances, sorted by (distance, row)."""
+    if k == 0:
+        return np.zeros((len(points), 0), dtype=np.int64), np.zeros((len(points), 0))
+    tree = cKDTree(points)
+    near_ones = np.asarray(tree.indices)  # after one another: what the tree read is still at hand
+    rows, squared = _ask(tree, points, near_ones, near_ones, k)
+    return rows, np.sqrt(squared, out=squared)
+
+
+def nearest_of(tree: cKDTree, points: Points, asking: Rows, k: int) -> tuple[Rows, Cells]:
+    """Of each asking row of points the rows (n, k) of the k nearest others, sorted by (distance, row).
+
+    tree: of the points. k: 1 to F - 1. Also gives the squared distances, (n, k).
+    """
+    return _ask(tree, points, asking, np.arange(len(asking)), k)
+
+
+def _ask(tree: cKDTree, points: Points, asking: Rows, places: Rows, k: int) -> tuple[Rows, Cells]:
+    """What `nearest_of` gives, that of the row asking[i] at places[i].
 
     A k-d tree breaks ties as it likes, so it is asked for more than k, and asked again for those
     whose tie with the k-th neighbour may reach beyond what it gave.
     """
     count = len(points)
-    rows, distance = np.zeros((count, k), dtype=np.int64), np.zeros((count, k))
-    if k == 0:
-        return rows, distance
-    tree = cKDTree(points)
-    left = np.asarray(tree.indices)  # near ones after one another: what the tree read is still at hand
+    rows, squared = np.empty((len(asking), k), dtype=np.int64), np.empty((len(asking), k))
+    left = np.arange(len(asking))
     asked = min(count, k + 3)
     while len(left):
         undecided = []
         for part in np.array_split(left, max(1, len(left) * asked // QUERIED)):
-            found, squared = _candidates(tree, points, part, asked)
-            rows[part], distance[part] = found[:, :k], np.sqrt(squared[:, :k])
+            found, apart = _candidates(tree, points, asking[part], asked)
+            rows[places[part]], squared[places[part]] = found[:, :k], apart[:, :k]
             # The last one is the point itself, at infinity: the one before is the farthest asked for.
-            open_tie = squared[:, -2] <= squared[:, k - 1] * (1 + 1e-9)
+            open_tie = apart[:, -2] <= apart[:, k - 1] * (1 + 1e-9)
             undecided.append(part[open_tie] if asked < count else part[:0])
         left = np.concatenate(undecided)
         asked = min(count, 2 * asked)
-    return rows, distance
+    return rows, squared
 
 
 def _candidates(tree: cKDTree, points: Points, part: Rows, asked: int) -> tuple[Rows, Cells]:
