@@ -52,6 +52,9 @@ COMMANDS = {
     "sweep": Lazy(
         "swarmer.commands.sweep:command", "Make the runs of an experiment file, and one table of them."
     ),
+    "compare": Lazy(
+        "swarmer.commands.compare:command", "Compare techniques, engines or settings, seed by seed."
+    ),
     "doctor": Lazy("swarmer.commands.doctor:command", "Tell what this machine can carry, and what to raise."),
 }
 

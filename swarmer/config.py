@@ -122,8 +122,8 @@ class RunConfig(Group):
     )
     duplicates: Literal["refuse", "drop"] = choice("refuse", "points given twice in the shape")
     flight_threshold_cells: float = number(0.001, "cells", 0, 1000, "shorter flights are skipped")
-    challenge_policy: Literal["r_complete", "decay"] = choice(
-        "r_complete", "challenge until R-Complete, or ever less likely with each merge"
+    challenge_policy: Literal["r_complete", "decay", "always"] = choice(
+        "r_complete", "challenge until R-Complete, ever less likely with each merge, or at every tick"
     )
     challenge_decay: float = number(1.25, "", 1, 1000, "decay: each merge divides the probability by this")
     challenge_on_available: bool = flag(False, "challenge on every entry to Available, too")

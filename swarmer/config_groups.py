@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from swarmer.settings import Group, choice, flag, number, positions, whole
+from swarmer.entry_points import OURS, SENSOR_ERRORS, THAW_POLICIES
+from swarmer.settings import Group, choice, flag, named, number, positions, whole
 
 FAR = 1_000_000  # cells, seconds: beyond any display and any run
 Carrier = Literal["auto", "unicast", "broadcast"]
@@ -34,8 +35,10 @@ class Range(Group):
 class Thaw(Group):
     """When swarms dissolve to localize anew."""
 
-    policy: Literal["roster", "timer", "census", "corner", "centralized", "off"] = choice(
+    policy: str = named(
         "roster",
+        OURS[THAW_POLICIES],
+        THAW_POLICIES,
         "who says when: the owner of the swarm that all have joined (roster), or in which all are R-Complete "
         "(census); a timer in each FLS; FLSs far from the centre (corner); the engine that sees one swarm; nobody",
     )
@@ -129,8 +132,11 @@ class Radio(Group):
 class Sensing(Group):
     """How well an FLS measures the vector to the sender of a datagram."""
 
-    model: Literal["none", "uniform", "mixed"] = choice(
-        "none", "error of a measured distance; mixed is accurate or uniform"
+    model: str = named(
+        "none",
+        OURS[SENSOR_ERRORS],
+        SENSOR_ERRORS,
+        "error of a measured distance; mixed is accurate or uniform",
     )
     error_percent: float = number(
         0, "%", 0, 100, "uniform and mixed: the distance is off by up to this, both ways"

@@ -3,6 +3,7 @@
 SwarmerError            exit status 1 unless a subclass says otherwise
 ├── BadInput            the caller's: a setting, a file, an option      exit status 2
 └── RunFailed           the run's: disk full, too many FLSs died        exit status 1
+    └── PluginFailed    a plugin's: it raised, or gave what cannot be
 """
 
 from __future__ import annotations
@@ -56,6 +57,10 @@ class BadInput(SwarmerError):
 
 class RunFailed(SwarmerError):
     """A run that began could not be finished; what it has is on disk."""
+
+
+class PluginFailed(RunFailed):
+    """A plugin of another package raised, or gave what cannot be; the line names it and its package."""
 
 
 def shown(value: object, limit: int = 80) -> str:

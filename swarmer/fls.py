@@ -1,9 +1,9 @@
 """One FLS, whatever engine it lives in: what its network role and its handler role do with a datagram and with time.
 
 The network role (`hear`) asks the radio's rules, answers races at once (rules 8 and 9) and passes the rest on. The
-handler role alone mutates: it takes one message, timer or landing, feeds the pure state machine and performs the
-actions that come back. Where datagrams and moments come from and go to is the business of an engine: `fls_process.Fls`
-has sockets and a clock, `engines.virtual_fls.VirtualFls` an agenda.
+handler role alone mutates: it feeds one message, timer or landing to the pure state machine, and performs what comes
+back. An engine's business is where datagrams and moments come from and go to: `fls_process.Fls` has sockets and a
+clock, `engines.virtual_fls.VirtualFls` an agenda.
 """
 
 from __future__ import annotations
@@ -85,9 +85,10 @@ class FlsSpec(NamedTuple):
     reach: float  # cells to the farthest planned neighbour
     near: tuple[int, ...]  # FIDs nearest in ground truth, nearest first
     distances: tuple[float, ...]
-    origin: Vec3  # where it starts from
+    origin: Vec3  # where it, and whoever replaces it, is launched from
     launch_at_s: float
     epoch: int
+    start: Vec3 | None = None  # where it is instead, lit as soon as it is launched; who replaces it flies in
 
 
 Queued = tuple[float, Message, Stamp]  # since which emulated second it counts as late
@@ -97,7 +98,7 @@ class BaseFls(ABC):
     """The two roles and what they share. An engine's class says how time passes and which way a datagram takes."""
 
     __slots__ = (
-        "_count", "_dead_reckoning", "_flight_rng", "_heard_from", "_machine_rng", "_measured_from",
+        "_count", "_dead_reckoning", "_flight_rng", "_heard_from", "_legs", "_machine_rng", "_measured_from",
         "_neighbour_reply", "_neighbours", "_numbers", "_range_estimated", "_receiver_rng", "_receiver_rules",
         "_run_id", "_seed", "_sender_rng", "_sender_rules", "_sensor_rng", "_window", "due", "ears", "flight",
         "handler_counts", "machine", "network_counts", "notes", "published", "queues", "rules", "sensor", "spec",
@@ -127,7 +128,9 @@ class BaseFls(ABC):
         )  # fmt: skip
         self.published: race.Published = self.machine  # what the network role may read of it
         self._neighbours = self.machine.beliefs.neighbours
-        self.flight = Flight(spec.origin, _STILL, 0.0, 0.0, 0.0)
+        begin = spec.origin if spec.incarnation else spec.start or spec.origin
+        self.flight = Flight(begin, _STILL, 0.0, 0.0, 0.0)
+        self._legs: tuple[Vec3, ...] = ()  # of the way that it is on, those still to come
         self.ears = Ears(run_id, spec.fid, NO_SWARM, spec.truth, self._neighbours)
         self._window = ReplayWindow()
         self._numbers = counting(1)
@@ -329,11 +332,15 @@ class BaseFls(ABC):
             end = position_at(self.flight, NEVER, self.velocity)
             self.flight = Flight(end, _STILL, self.now(), 0.0, 0.0)
             self.moved()
-            self.feed(_LANDED)
+            if self._legs:
+                self._fly_legs(self._legs, self.now())
+                self.perform([], self.now())  # nothing but what comes with it: to show where it flies now
+            else:
+                self.feed(_LANDED)
         elif what == MEASURED:
             self._measure()
         elif what == LAUNCH:
-            self.feed(_LANDED if self.rules.deploy_random else Launch(self.spec.origin))
+            self.feed(_LANDED if self.spec.start and not self.spec.incarnation else Launch(self.spec.origin))
         elif what == BATTERY:
             self.feed(BatteryLow())
         else:
@@ -366,7 +373,7 @@ class BaseFls(ABC):
         """What is seldom asked for."""
         kind = type(action)
         if kind is Fly:
-            self._fly(action.vector, now)  # type: ignore[union-attr]
+            self._fly_legs(action.legs or (action.vector,), now)  # type: ignore[union-attr]
         elif kind is Measure:
             self._measured_from = self._heard_from
             if self.sensor.delay_s > 0:
@@ -383,7 +390,8 @@ class BaseFls(ABC):
         vector = self.sensor.measure((o[0] - x[0], o[1] - x[1], o[2] - x[2]), self._sensor_rng)
         self.feed(Measured(vector))
 
-    def _fly(self, vector: Vec3, now: float) -> None:
+    def _fly_legs(self, legs: tuple[Vec3, ...], now: float) -> None:
+        vector, self._legs = legs[0], legs[1:]
         rules, counts = self.rules, self.handler_counts
         flown = self._dead_reckoning(vector, rules.epsilon, rules.dim, self._flight_rng)
         self.flight = flight = plan_flight(self.position(), flown, now, self.velocity)

@@ -46,6 +46,7 @@ from swarmer.udp_wrapper import UdpWrapper, Wires
 
 FAILED_EXIT = 17  # an FLS that failed as scheduled, without a word (rule 13)
 DEPARTED_EXIT = 18  # one that left to charge
+PLUGIN_EXIT = 19  # one whose plugin failed
 
 _BAD, _SEND_FAILED, _WOKEN = Wire.BAD, Wire.SEND_FAILED, Wire.WOKEN
 _WAIT, _GO, _STOP = Phase

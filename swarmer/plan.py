@@ -13,14 +13,15 @@ from importlib import import_module
 from random import Random
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from swarmer.entry_points import OURS, SENSOR_ERRORS, THAW_POLICIES, installed
 from swarmer.errors import BadInput
 from swarmer.physics.flight import Velocity
 from swarmer.physics.sensing import MODELS as SENSOR_MODELS
-from swarmer.physics.sensing import Sensor
+from swarmer.physics.sensing import Sensor, SensorErrorModel
 from swarmer.plugins import ENTRY_POINTS, Localizer, references_of
 from swarmer.protocol.anchor_selection import STRATEGIES
 from swarmer.protocol.census import Census
-from swarmer.protocol.challenge_policy import ChallengePolicy, Decay, RComplete
+from swarmer.protocol.challenge_policy import Always, ChallengePolicy, Decay, RComplete
 from swarmer.protocol.corner import CORNERS, CORNERS_2D, Corner
 from swarmer.protocol.records import Counters
 from swarmer.protocol.roster import Roster
@@ -61,7 +62,7 @@ class Rules(NamedTuple):
     epochs: bool
     anchor: str
     technique: str  # "module:class"
-    thaw_policy: str
+    thaw_policy: str  # one of ours, or "module:class"
     thaw_h_s: float
     thaw_spread: float
     thaw_repeat: float
@@ -69,7 +70,7 @@ class Rules(NamedTuple):
     thaw_corners: tuple[int, ...]  # FIDs, for the policy that has any
     dead_reckoning: str
     velocity: tuple[float, float, float]
-    sensing_model: str
+    sensing_model: str  # one of ours, or "module:function"
     sensing_error: float
     sensing_accurate: float
     sensing_samples: int
@@ -116,6 +117,7 @@ def make_plan(config: RunConfig) -> Plan:
     neighbours = neighbour_plan(cloud.points, config.eta, config.neighbours)
     diagonal = math.dist((0.0, 0.0, 0.0), cloud.box_cells)
     rules = make_rules(config, len(cloud), dim, diagonal, technique)
+    try_plugins(rules)
     if config.thaw.policy == "corner":
         rules = rules._replace(thaw_corners=corners(cloud))
     return Plan(config, cloud, neighbours, rules, diagonal)
@@ -174,15 +176,41 @@ def corners(cloud: PointCloud) -> tuple[int, ...]:
 
 def find_technique(name: str) -> str:
     """Where the technique's class is, as "module:class". Raises BadInput with the nearest name."""
-    from difflib import get_close_matches
-    from importlib.metadata import entry_points  # both only here: FLS processes import this file
+    from difflib import get_close_matches  # only here: FLS processes import this file
 
-    known = {entry.name: entry.value for entry in entry_points(group=ENTRY_POINTS)}
+    known = installed(ENTRY_POINTS)
     if name in known:
-        return known[name]
+        return known[name].place
     near = get_close_matches(name, known, 1)
     hint = f"did you mean {near[0]!r}?" if near else "installed are"
     raise BadInput("technique", name, f"{hint} {', '.join(sorted(known)) or 'none: is swarmer installed?'}")
+
+
+def place_or_name(group: str, name: str) -> str:
+    """Where a plugin is, as "module:attribute"; what is ours is known by its name."""
+    plugin = installed(group).get(name) if name not in OURS[group] else None
+    return name if plugin is None else plugin.place
+
+
+def try_plugins(rules: Rules) -> None:
+    """Ask the plugins of other packages for something before a run begins. Raises BadInput."""
+    technique, sensing, thaws = outside_places(rules)
+    if technique or sensing or thaws:
+        from swarmer.plugins import guard
+
+        if technique:
+            guard.try_localizer(technique)
+        if sensing:
+            guard.try_sensor_error(sensing, rules.sensing_error, rules.sensing_accurate)
+        if thaws:
+            guard.try_policy(thaws, rules.count, rules.thaw_h_s, rules.thaw_spread, rules.epochs)
+
+
+def outside_places(rules: Rules) -> tuple[str, str, str]:
+    """Technique, error of sensors and thaw policy, where they are of another package; else nothing."""
+    technique = "" if rules.technique.startswith("swarmer.") else rules.technique
+    others = (name if ":" in name else "" for name in (rules.sensing_model, rules.thaw_policy))
+    return (technique, *others)  # type: ignore[return-value]
 
 
 def make_rules(config: RunConfig, count: int, dim: int, diagonal: float, technique: str) -> Rules:
@@ -214,7 +242,7 @@ def make_rules(config: RunConfig, count: int, dim: int, diagonal: float, techniq
         epochs=c.epochs,
         anchor=c.anchor,
         technique=technique,
-        thaw_policy=c.thaw.policy,
+        thaw_policy=place_or_name(THAW_POLICIES, c.thaw.policy),
         thaw_h_s=c.thaw_h_s(count),
         thaw_spread=c.thaw.spread,
         thaw_repeat=c.thaw.repeat,
@@ -222,7 +250,7 @@ def make_rules(config: RunConfig, count: int, dim: int, diagonal: float, techniq
         thaw_corners=(),
         dead_reckoning=c.flight.dead_reckoning,
         velocity=(c.flight.speed_m_s / cell, c.flight.acceleration_m_s2 / cell, c.flight.braking_m_s2 / cell),
-        sensing_model=c.sensing.model,
+        sensing_model=place_or_name(SENSOR_ERRORS, c.sensing.model),
         sensing_error=c.sensing.error_percent / 100,
         sensing_accurate=c.sensing.accurate_probability,
         sensing_samples=c.sensing.samples,
@@ -274,13 +302,18 @@ def make_machine(
         anchors=STRATEGIES[rules.anchor],
         localizer=make_localizer(rules.technique),
     )
-    challenges: ChallengePolicy = (
-        Decay(rules.challenge_decay)
-        if rules.challenge_policy == "decay"
-        else RComplete(rules.probe_every, identity.fid)
-    )
+    challenges = make_challenge_policy(rules, identity.fid)
     thaws = make_thaw_policy(rules, identity.fid)
     return StateMachine(identity, neighbours, settings, challenges, thaws, rng, counts, epoch)
+
+
+def make_challenge_policy(rules: Rules, fid: int) -> ChallengePolicy:
+    """When one FLS challenges."""
+    if rules.challenge_policy == "decay":
+        return Decay(rules.challenge_decay)
+    if rules.challenge_policy == "always":
+        return Always()
+    return RComplete(rules.probe_every, fid)
 
 
 def make_thaw_policy(rules: Rules, fid: int) -> ThawPolicy:
@@ -294,18 +327,36 @@ def make_thaw_policy(rules: Rules, fid: int) -> ThawPolicy:
         return Census(count, h_s, spread)
     if rules.thaw_policy == "corner":
         return Corner(count, h_s, spread, fid in rules.thaw_corners)
+    if ":" in rules.thaw_policy:
+        from swarmer.plugins.guard import GuardedPolicy
+
+        return GuardedPolicy(rules.thaw_policy, count, h_s, spread)
     return Never()
 
 
 def make_localizer(technique: str) -> Localizer:
-    """The technique at "module:class". Raises ImportError or AttributeError if it is not there."""
+    """The technique at "module:class". Raises PluginFailed if another package's is not there."""
     module, _, name = technique.partition(":")
-    localizer: Localizer = getattr(import_module(module), name)()
-    return localizer
+    if module.startswith("swarmer."):
+        localizer: Localizer = getattr(import_module(module), name)()
+        return localizer
+    from swarmer.plugins.guard import GuardedLocalizer
+
+    return GuardedLocalizer(technique)
+
+
+def make_sensor_error(rules: Rules) -> SensorErrorModel:
+    """By what factor a sample of the distance is off."""
+    share, accurate = rules.sensing_error, rules.sensing_accurate
+    if ":" in rules.sensing_model:
+        from swarmer.plugins import guard
+
+        return guard.make_sensor_error(rules.sensing_model, share, accurate)
+    return SENSOR_MODELS[rules.sensing_model](share, accurate)
 
 
 def make_sensor(rules: Rules) -> Sensor:
-    error = SENSOR_MODELS[rules.sensing_model](rules.sensing_error, rules.sensing_accurate)
+    error = make_sensor_error(rules)
     return Sensor(error, rules.sensing_samples, rules.sensing_average, rules.sensing_sample_s)
 
 

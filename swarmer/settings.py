@@ -1,6 +1,6 @@
 """What a setting is: one declaration that gives default, range, help, error line and documentation.
 
-A group of settings is a class of `Group`; each field is declared by `number`, `whole`, `flag`, `choice`,
+A group of settings is a class of `Group`; each field is declared by `number`, `whole`, `flag`, `choice`, `named`,
 `text` or `positions`. A value is checked by `Setting.checked` alone, so an error says what the reference says.
 """
 
@@ -18,6 +18,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
+from swarmer.entry_points import installed
 from swarmer.errors import shown
 
 UNIT_WORDS = {
@@ -47,17 +48,20 @@ class Refused(ValueError):
 class Setting:
     """One declaration. `name` is the dotted name, known once the setting stands in its place in RunConfig."""
 
-    kind: str  # number | whole | flag | choice | text | positions
+    kind: str  # number | whole | flag | choice | name | text | positions
     default: Any
     help: str
     unit: str = ""
     low: float = -math.inf
     high: float = math.inf
     above: bool = False  # low itself is not allowed
-    words: tuple[Any, ...] = ()  # the choices; for a number: words that are taken besides
+    words: tuple[
+        Any, ...
+    ] = ()  # the choices, for a name those that are ours; for a number: words taken besides
     later: tuple[str, ...] = ()  # choices of which we know that this version does not have them
     none: str = ""  # what null stands for; empty where null is not taken
     only: str = ""  # the engine that alone heeds it; empty: every engine does
+    group: str = ""  # for a name: of entry points, under which other packages add theirs
     name: str = ""
 
     @property
@@ -75,6 +79,8 @@ class Setting:
             return f"{plain(self.low)} to {plain(self.high)} positions [L, H, D]"
         if self.kind == "choice":
             return spelled(self.words)
+        if self.kind == "name":
+            return f"{spelled(self.words)}, or a plugin's name ({self.group})"
         return self.span + self.besides
 
     @property
@@ -106,8 +112,9 @@ class Setting:
     def line(self, value: object, reason: str) -> str:
         """The error line: 'lease_ms: -5 is out of range; milliseconds, 1 to 60000 (default 250)'."""
         hint = ""
-        if self.kind == "choice" and isinstance(value, str):
-            hint = did_you_mean(value, [word for word in self.words if isinstance(word, str)])
+        if self.kind in ("choice", "name") and isinstance(value, str):
+            words = [*self.words, *(installed(self.group) if self.group else ())]
+            hint = did_you_mean(value, [word for word in words if isinstance(word, str)])
         return f"{self.name}: {shown(value)} {reason};{hint} {self.allowed}"
 
     def checked(self, value: Any) -> Any:
@@ -159,6 +166,14 @@ def _check_choice(setting: Setting, value: Any) -> Any:
     raise Refused("is not in this version" if value in setting.later else "is not a choice")
 
 
+def _check_name(setting: Setting, value: Any) -> str:
+    if isinstance(value, bool):  # YAML reads a bare `off` as false
+        value = "on" if value else "off"
+    if isinstance(value, str) and (value in setting.words or value in installed(setting.group)):
+        return value
+    raise Refused("is not a choice")
+
+
 def _check_text(setting: Setting, value: Any) -> str:
     if not isinstance(value, str):
         raise Refused("is not a text")
@@ -189,6 +204,7 @@ CHECKS = {
     "whole": _check_number,
     "flag": _check_flag,
     "choice": _check_choice,
+    "name": _check_name,
     "text": _check_text,
     "positions": _check_positions,
 }
@@ -215,6 +231,11 @@ def flag(default: bool, help: str, only: str = "") -> Any:
 def choice(default: Any, help: str, later: tuple[str, ...] = (), only: str = "") -> Any:
     """One of the words of the field's own type, a Literal; `later`: words that another version takes."""
     return _field(Setting("choice", default, help, later=later, only=only))
+
+
+def named(default: str, words: tuple[str, ...], group: str, help: str) -> Any:
+    """One of `words`, or what an installed package has added under the `group` of entry points."""
+    return _field(Setting("name", default, help, words=words, group=group))
 
 
 def text(default: str, help: str) -> Any:

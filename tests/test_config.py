@@ -88,7 +88,7 @@ def good_values(fact: Setting) -> st.SearchStrategy:
             st.floats(low, fact.high) if fact.kind == "number" else st.integers(int(low), int(fact.high))
         )
         values = numbers | st.sampled_from(fact.words) if fact.words else numbers
-    elif fact.kind == "choice":
+    elif fact.kind in ("choice", "name"):
         values = st.sampled_from(fact.words)
     elif fact.kind == "flag":
         values = st.booleans()
@@ -119,7 +119,7 @@ def bad_values(fact: Setting) -> st.SearchStrategy:
         beyond += [fact.low] if fact.above else []
         beyond += [fact.low + 0.5] if fact.kind == "whole" else []
         return wrong | st.sampled_from(beyond)
-    if fact.kind == "choice":
+    if fact.kind in ("choice", "name"):
         return wrong | st.text(max_size=12).filter(lambda text: text not in fact.words) | st.just(1.5)
     if fact.kind == "flag":
         return wrong | st.sampled_from([0, 1, "true", "on", 0.0])

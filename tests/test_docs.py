@@ -124,5 +124,5 @@ def test_the_pages_build(tmp_path):
         cwd=ROOT, capture_output=True, text=True, timeout=110, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert "class Damped" in re.sub("<[^>]*>", "", (tmp_path / "site" / "extending.html").read_text("utf-8"))
+    assert "class Damped" in re.sub("<[^>]*>", "", (tmp_path / "site" / "plugins.html").read_text("utf-8"))
     assert (tmp_path / "site" / "protocol.html").read_text("utf-8").count("<svg viewBox") >= 1

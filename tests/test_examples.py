@@ -1,4 +1,4 @@
-"""The packages under examples/ work as a user's own: found by entry point, named by a setting, run by an FLS."""
+"""The packages under examples/ work as a user's own: installed by pip, found by entry point, named by a setting."""
 
 import json
 import os
@@ -10,48 +10,84 @@ from pathlib import Path
 import pytest
 
 from swarmer.config import load_config
+from swarmer.entry_points import SENSOR_ERRORS, TECHNIQUES, THAW_POLICIES, installed
 from swarmer.errors import BadInput
+from swarmer.experiments.one_run import perform
 from swarmer.plan import make_localizer, make_plan
-from swarmer.plugins import ENTRY_POINTS
 
-DAMPED = Path(__file__).resolve().parent.parent / "examples" / "damped"
-SETTINGS = ["shape=sphere", "points=12", "technique=damped"]
+EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
+PACKAGES = sorted(path.parent for path in EXAMPLES.glob("*/pyproject.toml"))
+ALL = ["technique=damped", "sensing.model=echoes", "sensing.error_percent=20", "thaw.policy=half"]
+SPHERE = ["shape=sphere", "points=12"]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """A folder into which pip has installed them, without asking any index."""
+    target = tmp_path_factory.mktemp("site")
+    done = subprocess.run(
+        [
+            sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-index", "--no-deps",
+            "--no-build-isolation", "--target", str(target), *map(str, PACKAGES),
+        ],
+        capture_output=True, text=True, timeout=110,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return target
 
 
 @pytest.fixture
-def installed(tmp_path):
-    """What an installation of the example puts on the path: its code, and the facts of its pyproject.toml."""
-    project = tomllib.loads((DAMPED / "pyproject.toml").read_text("utf-8"))["project"]
-    facts = tmp_path / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
-    facts.mkdir()
-    (facts / "METADATA").write_text(
-        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
-    )
-    lines = [f"[{ENTRY_POINTS}]"] + [f"{k} = {v}" for k, v in project["entry-points"][ENTRY_POINTS].items()]
-    (facts / "entry_points.txt").write_text("\n".join(lines) + "\n")
-    (tmp_path / "swarmer_damped.py").write_text((DAMPED / "swarmer_damped.py").read_text("utf-8"))
-    return tmp_path
+def path(site, monkeypatch):
+    monkeypatch.syspath_prepend(site)
+    yield site
+    for package in PACKAGES:
+        sys.modules.pop(f"swarmer_{package.name}", None)
 
 
-def test_an_outside_technique_is_found_by_its_name(installed, monkeypatch):
-    with pytest.raises(BadInput, match="damped"):
-        make_plan(load_config(None, SETTINGS))
-    monkeypatch.syspath_prepend(installed)
-    plan = make_plan(load_config(None, SETTINGS))
-    assert plan.rules.technique == "swarmer_damped:Damped"
+def test_each_package_says_what_it_adds():
+    groups = [*tomllib.loads((PACKAGES[0] / "pyproject.toml").read_text("utf-8"))["project"]["entry-points"]]
+    for package in PACKAGES[1:]:
+        groups += tomllib.loads((package / "pyproject.toml").read_text("utf-8"))["project"]["entry-points"]
+    assert sorted(groups) == sorted([TECHNIQUES, SENSOR_ERRORS, THAW_POLICIES])
+
+
+@pytest.mark.parametrize("setting", ALL[:2] + ALL[3:])
+def test_without_the_package_its_name_is_refused(setting):
+    with pytest.raises(BadInput, match=setting.partition("=")[2]):
+        make_plan(load_config(None, [*SPHERE, setting]))
+
+
+def test_with_it_the_name_is_a_setting(path):
+    plan = make_plan(load_config(None, [*SPHERE, *ALL]))
+    assert (plan.rules.technique, plan.rules.sensing_model, plan.rules.thaw_policy) == (
+        "swarmer_damped:Damped", "swarmer_echoes:echoes", "swarmer_half:Half",
+    )  # fmt: skip
+    assert installed(TECHNIQUES)["damped"].package == "swarmer-damped 0.1"
     vector = make_localizer(plan.rules.technique).displacement((2.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     assert vector == pytest.approx((0.7, 0.0, 0.0))
-    sys.modules.pop("swarmer_damped", None)
+
+
+def test_all_three_in_virtual_time(path, tmp_path):
+    settings = [*SPHERE, *ALL, "points=40", "engine=virtual", "duration_s=8", "recording.enabled=false"]
+    outcome = perform(load_config(None, settings), tmp_path / "run")
+    assert outcome.status == "done", outcome.message
+    summary = outcome.summary
+    assert summary["thaws"] >= 5
+    assert summary["thaws_by_clock"] == 0
+    assert summary["wrong_thaws"] > summary["thaws"] / 2, "half is not all"
+    assert 0.05 < summary["hd_cells"] < 10, "it localizes, as well as such a sensor lets it"
 
 
 @pytest.mark.processes
-def test_an_outside_technique_flies(installed):
+def test_all_three_in_processes(site, tmp_path):
     code = "from swarmer import cli; cli.main_run()"
-    options = [option for setting in SETTINGS for option in ("--set", setting)]
+    options = [option for setting in (*SPHERE, *ALL) for option in ("--set", setting)]
     done = subprocess.run(
-        [sys.executable, "-c", code, *options, "--duration", "3", "--json", "--no-recording", "--out", "run"],
-        cwd=installed, capture_output=True, text=True, timeout=60,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(installed), *filter(None, sys.path)])},
+        [sys.executable, "-c", code, *options, "--duration", "4", "--json", "--no-recording", "--out", "run"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=60,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(site), *filter(None, sys.path)])},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["localizations"] > 0
+    summary = json.loads(done.stdout)
+    assert summary["localizations"] > 0
+    assert summary["thaws"] > 0

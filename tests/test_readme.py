@@ -12,7 +12,13 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
-PAGES = ("README.md", "docs/getting-started.md", "docs/reading-a-report.md", "docs/sweeps.md")
+PAGES = (
+    "README.md",
+    "docs/getting-started.md",
+    "docs/reading-a-report.md",
+    "docs/sweeps.md",
+    "docs/compare.md",
+)
 # The last one counts, so these shorten whatever the page says.
 SHORTER = " --points 12 --duration 1.5 --time-scale 1"
 SHORTER_SWEEP = " --seeds 2 --set points=12 --set duration_s=1.5"
@@ -81,7 +87,7 @@ def check(command, place):
         served(command, place)
     elif command.startswith("swarmer replay") and "--terminal" not in command:
         refused_without_display(command, place)
-    elif command.startswith("swarmer sweep"):
+    elif command.startswith(("swarmer sweep", "swarmer compare")):
         out, _ = finished(command + SHORTER_SWEEP, place)
         assert "--dry-run" in command or (place / out.splitlines()[-1] / "results.csv").is_file()
     elif command.startswith("swarmer doctor"):

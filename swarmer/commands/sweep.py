@@ -72,18 +72,10 @@ def command(
 def carry_out(experiment: Experiment, runs: list[Run], out: Path, jobs: int) -> None:
     """Make them, print the table, and say what failed. Raises RunFailed, KeyboardInterrupt."""
     with ends_at_once():
-        from swarmer.experiments.board import Board
         from swarmer.experiments.results import RESULTS
-        from swarmer.experiments.sweep import sweep
         from swarmer.experiments.tables import lines_of, unfaithful
 
-    try:
-        with ctrl_c():
-            ended = sweep(experiment, runs, out, jobs, Board())
-    except KeyboardInterrupt:
-        click.echo(f"what is finished is in {out}; the same command goes on with the rest", err=True)
-        click.echo(str(out))
-        raise
+    ended = make(experiment, runs, out, jobs)
     for line in lines_of(out / RESULTS):
         click.echo(line)
     if late := unfaithful(out / RESULTS):
@@ -91,6 +83,21 @@ def carry_out(experiment: Experiment, runs: list[Run], out: Path, jobs: int) -> 
         click.echo(f"note: {late} runs are not faithful: {why}", err=True)
     click.echo(str(out))
     tell(ended, out)
+
+
+def make(experiment: Experiment, runs: list[Run], out: Path, jobs: int) -> Ended:
+    """Make what is missing of the runs; on Ctrl-C say where the rest is. Raises RunFailed, KeyboardInterrupt."""
+    with ends_at_once():
+        from swarmer.experiments.board import Board
+        from swarmer.experiments.sweep import sweep
+
+    try:
+        with ctrl_c():
+            return sweep(experiment, runs, out, jobs, Board())
+    except KeyboardInterrupt:
+        click.echo(f"what is finished is in {out}; the same command goes on with the rest", err=True)
+        click.echo(str(out))
+        raise
 
 
 def tell(ended: Ended, out: Path) -> None:

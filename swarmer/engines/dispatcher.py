@@ -10,6 +10,7 @@ No event loop here: a forked child would inherit it.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import gc
 import json
@@ -25,14 +26,16 @@ from typing import Any
 
 from swarmer.engines.specs import fls_spec, run_spec
 from swarmer.engines.warm_up import SPECIALISE, TOUCH, warm_up
+from swarmer.errors import PluginFailed
 from swarmer.fls import FlsSpec
 from swarmer.fls_loops import LOOPS
-from swarmer.fls_process import DEPARTED_EXIT, FAILED_EXIT, Fls, RunSpec
+from swarmer.fls_process import DEPARTED_EXIT, FAILED_EXIT, PLUGIN_EXIT, Fls, RunSpec
 from swarmer.telemetry import Clock, Life, Phase, SharedMemory, Slot
 
 PR_SET_PDEATHSIG = 1
 STOP_GRACE_S = 2.0  # an FLS that has not ended by itself after this is killed
 FORKS_AT_ONCE = 16  # then the control socket is looked at
+WORDS_LENGTH = 1000
 
 
 class Dispatcher:
@@ -50,6 +53,7 @@ class Dispatcher:
         self.children: dict[int, int] = {}  # pid -> FID
         self._libc = ctypes.CDLL(None, use_errno=True)
         self._wake_r, self._wake_w = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+        self._words_r, self._words_w = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)  # the last words of an FLS
         signal.signal(signal.SIGCHLD, lambda *_: None)
         signal.set_wakeup_fd(self._wake_w, warn_on_full_buffer=False)
         # A terminal's Ctrl-C is the engine's business; it tells us what to do.
@@ -60,7 +64,11 @@ class Dispatcher:
         """Launch everybody, then watch until told to stop or the engine is gone."""
         waiting = [self.specs[fid] for fid in sorted(self.specs)]
         waiting.reverse()
-        warm_up(self.run, waiting[-1], SPECIALISE)
+        try:
+            warm_up(self.run, waiting[-1], SPECIALISE)
+        except PluginFailed as failure:
+            self._tell("plugin_failed", text=str(failure))
+            return
         gc.collect()
         gc.freeze()
         with selectors.DefaultSelector() as selector:
@@ -123,6 +131,9 @@ class Dispatcher:
             settle(self.run.cpus, spec.fid)
             warm_up(self.run, spec, TOUCH)
             status = run_fls(self.run, spec, self.shared)
+        except PluginFailed as failure:
+            status = PLUGIN_EXIT
+            os.write(self._words_w, f"{failure}\n".encode()[:WORDS_LENGTH])
         except BaseException:
             traceback.print_exc()
         finally:
@@ -144,6 +155,11 @@ class Dispatcher:
         if self.clock.phase == Phase.STOP:
             return
         Slot(self.shared, fid).live(Life.ENDED)
+        if code == PLUGIN_EXIT:
+            with contextlib.suppress(BlockingIOError):  # another's words have been read with the first one's
+                words = os.read(self._words_r, 65536).decode(errors="replace")
+                self._tell("plugin_failed", text=words.partition("\n")[0])
+            return
         kind = {FAILED_EXIT: "failed", DEPARTED_EXIT: "departed"}.get(code, "died")
         self._tell(kind, fid=fid, code=code, t_s=self.clock.now())
         if self.replace and self.clock.phase == Phase.GO:

@@ -267,6 +267,8 @@ class _Run:
                 self._fail(
                     f"only {event['running']} of {self.count} processes could be started: {event['text']}"
                 )
+            elif kind == "plugin_failed":
+                self._fail(event["text"])
             else:
                 self._happened(kind, event)
         if not self.stopping.is_set() and self.clock.phase != Phase.STOP:

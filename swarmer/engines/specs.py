@@ -9,6 +9,7 @@ from swarmer.fls import FlsSpec
 from swarmer.fls_process import RunSpec
 from swarmer.plan import as_data, from_data
 from swarmer.radio import Grid
+from swarmer.streams import stream
 from swarmer.udp_wrapper import Wires
 
 if TYPE_CHECKING:
@@ -63,9 +64,10 @@ def fls_rows(plan: Plan) -> list[list[Any]]:
             reach=float(plan.neighbours.reach_cells[row]),
             near=near[row].tolist(),
             distances=distances[row].tolist(),
-            origin=(stations[station] if starts is None else starts[row]).tolist(),
+            origin=stations[station].tolist(),
             launch_at_s=launched[station] / rate if rate else 0.0,
             epoch=0,
+            start=None if starts is None else starts[row].tolist(),
         )
         launched[station] += 1
         rows.append(list(spec))
@@ -73,11 +75,12 @@ def fls_rows(plan: Plan) -> list[list[Any]]:
 
 
 def _random_starts(plan: Plan) -> Any:
-    """(F, 3): anywhere in the display's box."""
+    """(F, 3): anywhere in the display's box, by a stream of its own: a random cloud is drawn by the seed, too."""
     import numpy as np
 
     low, high = plan.cloud.points.min(axis=0), plan.cloud.points.max(axis=0)
-    return np.random.default_rng(plan.config.seed).uniform(low, high, size=(plan.size, 3))
+    rng = np.random.default_rng(stream(plan.config.seed, "placement").getrandbits(128))
+    return rng.uniform(low, high, size=(plan.size, 3))
 
 
 def run_spec(data: dict[str, Any]) -> RunSpec:

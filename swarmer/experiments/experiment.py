@@ -81,7 +81,22 @@ def read_experiment(name: str, overrides: Iterable[str] = (), seeds: str | None 
     """
     path = find_experiment(name)
     reader = _Reader(path, name if path == Path(name) else path.name)
-    return reader.experiment(list(overrides), None if seeds is None else seeds_of(_as_list(seeds), "--seeds"))
+    return reader.experiment(read_mapping(path), list(overrides), seeds_asked(seeds))
+
+
+def experiment_of(
+    whole: Mapping[str, Any], name: str, file: str, overrides: Iterable[str] = (), seeds: str | None = None
+) -> Experiment:
+    """The experiment that a mapping says, as a file would. name: its own. file: who is to blame, in error lines.
+
+    A path in `extends` is relative to where this process is. Raises BadInput as `read_experiment` does.
+    """
+    return _Reader(Path(name), file).experiment(dict(whole), list(overrides), seeds_asked(seeds))
+
+
+def seeds_asked(seeds: str | None) -> tuple[int, ...] | None:
+    """The seeds that an option names; None for none."""
+    return None if seeds is None else seeds_of(_as_list(seeds), "--seeds")
 
 
 def seeds_of(given: Any, where: str) -> tuple[int, ...]:
@@ -131,8 +146,9 @@ class _Reader:
         self.path, self.file = path, shown(shown_as, 200)[1:-1]
         self.lines: list[str] = []
 
-    def experiment(self, overrides: list[str], seeds: tuple[int, ...] | None) -> Experiment:
-        whole = read_mapping(self.path)
+    def experiment(
+        self, whole: dict[str, Any], overrides: list[str], seeds: tuple[int, ...] | None
+    ) -> Experiment:
         if all(value is None for value in whole.values()):
             raise BadInput.saying(f"{self.file}: is empty; an experiment has {', '.join((*PARTS, BLOCKS))}")
         entries = self._blocks(whole.pop(BLOCKS, None))

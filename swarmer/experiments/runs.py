@@ -21,7 +21,9 @@ from swarmer.settings import as_yaml
 NAME_LENGTH = 120  # of a cell's folder; a longer name ends in a hash
 DIGITS = 8
 STRANGE = re.compile(r"[^A-Za-z0-9._=,+-]+")
-PLANNED_BY = ("shape", "points", "duplicates", "eta", "neighbours", "technique")
+PLANNED_BY = (
+    "shape", "points", "duplicates", "eta", "neighbours", "technique", "sensing.model", "thaw.policy", "epochs",
+)  # fmt: skip
 """The settings that `make_plan` can refuse."""
 
 

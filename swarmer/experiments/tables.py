@@ -113,8 +113,12 @@ def lines_of(path: Path, columns: Iterable[Column] = COLUMNS) -> list[str]:
     table = table_of(path, columns)
     if not table.rows:
         return []
-    rows = [table.titles, *table.rows]
-    widths = [max(len(row[at]) for row in rows) for at in range(len(table.titles))]
+    return aligned([table.titles, *table.rows])
+
+
+def aligned(rows: list[list[str]]) -> list[str]:
+    """Rows of one length as lines, each column as wide as its widest cell."""
+    widths = [max(len(row[at]) for row in rows) for at in range(len(rows[0]))]
     return [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
     ]

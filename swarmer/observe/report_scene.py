@@ -64,7 +64,7 @@ def scene_part(run: SavedRun) -> Part | None:
 <button type=button data-do=reset>Reset view</button><output></output></div>
 <figcaption id=scene-help>Drag or use the arrow keys to turn, + and − to come nearer, space to play, comma and point for
 the frame before and after, 0 to go back to the first view. One colour a swarm, blue when all are one; grey is dark, red
-has just gone dark; small grey dots are the places where the FLSs belong. A shape may be right and stand beside its place:
+has just gone dark; small grey dots are the places where FLSs belong. A shape may be right and stand beside its place:
 moved there, by the mean error of the lit FLSs, it is seen as HD is read.{esc(left_out)}</figcaption>
 {data_block("scene-facts", facts)}{data_block("scene-data", packed.data)}</figure>"""
     return Part("replay", "The display through time", html)

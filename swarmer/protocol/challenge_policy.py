@@ -46,6 +46,21 @@ class RComplete:
         self._idle_ticks = self._first
 
 
+class Always:
+    """Challenge at every tick, though all neighbours be there: what R-Complete saves is the difference."""
+
+    __slots__ = ()
+
+    def challenges(self, complete: bool, rng: Random) -> bool:
+        return True
+
+    def merged(self) -> None:
+        pass
+
+    def thawed(self) -> None:
+        pass
+
+
 class Decay:
     """Challenge with a probability that each merge divides by `divisor` (the authors' code)."""
 

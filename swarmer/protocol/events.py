@@ -85,9 +85,13 @@ class Send(NamedTuple):
 
 
 class Fly(NamedTuple):
-    """Fly by dead reckoning along `vector`. The engine answers with `Landed`; until then the FLS is busy."""
+    """Fly by dead reckoning along `vector`. The engine answers with `Landed`; until then the FLS is busy.
+
+    legs: parts that add up to it, flown one after the other, each with an error of its own; none: it flies straight.
+    """
 
     vector: Vec3
+    legs: tuple[Vec3, ...] = ()
 
 
 class Measure(NamedTuple):

@@ -34,14 +34,16 @@ def localize(me: Memory, event: Measured) -> None:
     anchor = me.anchor
     assert anchor is not None
     g, a = me.truth, anchor.truth
-    vector = me.settings.localizer.displacement(event.vector, (a[0] - g[0], a[1] - g[1], a[2] - g[2]))
+    localizer, wanted = me.settings.localizer, (a[0] - g[0], a[1] - g[1], a[2] - g[2])
+    vector = localizer.displacement(event.vector, wanted)
     me.counts[LOCALIZATIONS] += 1
     old, me.brought = me.swarm, me.size
     me.take_swarm(anchor.swarm, sum_of_sizes(me.size, anchor.size))
     length2 = vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2
     if length2 >= me.settings.flight_threshold**2:
         me.say(FOLLOW_MERGE, TO_SWARM, old, other=me.swarm, vector=vector)
-        me.fly(vector)
+        by_legs = getattr(localizer, "legs", None)  # only the localizer itself goes that way
+        me.fly(vector, () if by_legs is None else by_legs(event.vector, wanted))
     else:
         me.say(MERGE, TO_SWARM, old, other=me.swarm)
         finish(me, None)

@@ -231,12 +231,12 @@ class Memory:
         if self.settings.challenge_on_available and self.policy.challenges(self.complete, self.rng):
             self.send_challenge()
 
-    def fly(self, vector: Vec3) -> None:
+    def fly(self, vector: Vec3, legs: tuple[Vec3, ...] = ()) -> None:
         self.disarm(BOUND_TIMER)
         self.holders.clear()
         self.flying = True
         self.longest = max(self.longest, hypot(*vector))
-        self.actions.append(Fly(vector))
+        self.actions.append(Fly(vector, legs))
 
     def take_swarm(self, swarm: Swarm, size: int) -> None:
         self.swarm, self.size = swarm, size

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import runpy
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 from virtual_runs import Watcher, fly
@@ -238,19 +236,3 @@ def test_corners_are_farthest_from_the_centroid(shape, points, expected):
     assert len(found) == len(set(found)) == expected
     others = [row for row in range(len(cloud)) if row + 1 not in found]
     assert all(far[fid - 1] >= far[row] for fid in found for row in others)
-
-
-def test_the_policy_of_the_page_on_extending_thaws_at_half(monkeypatch):
-    """docs/extending.md shows this file."""
-    place = Path(__file__).resolve().parents[2] / "examples" / "half" / "half.py"
-    half = runpy.run_path(str(place))["Half"]
-    monkeypatch.setattr(
-        "swarmer.plan.make_thaw_policy",
-        lambda rules, fid: half(rules.count, rules.thaw_h_s, rules.thaw_spread),
-    )
-    counters, notary, watcher = watched(duration_s=8)
-    assert counters["thaws"] >= 5
-    assert counters["thaws_by_clock"] == 0
-    assert counters["wrong_thaws"] > counters["thaws"] / 2, "half is not all"
-    assert all(begins.known for _, _, begins in notary.begins)
-    assert watcher.progress.hd < 10

@@ -244,3 +244,20 @@ def test_your_own_file_runs(tmp_path):
     assert summary["points"] == 16
     assert summary["shape"] == "mine"
     assert math.isfinite(summary["hd_cells"])
+
+
+def test_the_other_rules_in_processes(tmp_path):
+    """Physical Movement's two legs, sizes in messages, a challenge at every tick, FLSs that begin anywhere."""
+    rules = (
+        "technique=physical_movement",
+        "anchor=largest",
+        "challenge_policy=always",
+        "deploy.start=random",
+    )
+    summary = small(
+        tmp_path, *(word for rule in rules for word in ("--set", rule)), "--seed", "3", duration=5
+    )
+    assert summary["localizations"] > 5
+    assert summary["lit_share"] == 1
+    assert summary["all_lit_s"] < 1
+    assert summary["distance_cells_mean"] > 5

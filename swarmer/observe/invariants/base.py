@@ -48,9 +48,9 @@ class Life:
 
     __slots__ = (
         "acks", "alive", "anchor", "challenge_at", "complete_ticks", "epoch", "fid", "first_challenge", "flight_s",
-        "fls", "flying", "grants", "incarnation", "joined", "joins", "leases", "localizes_since", "machine", "newest",
-        "number", "origin", "pending", "place", "reach", "recent", "reporters", "state", "swarm", "taken", "thawed_s",
-        "thaws_at", "thaws_heard", "thaws_run", "waits_since",
+        "flights", "fls", "flying", "grants", "incarnation", "joined", "joins", "leases", "localizes_since",
+        "machine", "newest", "number", "origin", "pending", "place", "reach", "recent", "reporters", "state",
+        "swarm", "taken", "thawed_s", "thaws_at", "thaws_heard", "thaws_run", "waits_since",
     )  # fmt: skip
 
     def __init__(self, fls: Seen, now_s: float) -> None:
@@ -77,7 +77,10 @@ class Life:
         self.origin: Vec3 | None = None  # where the anchor said it was
         self.place: Vec3 = fls.flight.start  # where its last flight ended
         self.reporters: set[int] = set()  # who has told it, in this epoch and swarm, that it is in it, too
-        self.flight_s = 0.0  # how long that one took
+        self.flight_s, self.flights = (
+            0.0,
+            0,
+        )  # how long its flights took, and how many, since it began to localize
         self.localizes_since = self.waits_since = now_s
         self.thawed_s = -1e9
         # A handler that takes its time takes up THAWs before whatever is due: how many, how many in a row until now.

@@ -68,7 +68,7 @@ def one_swarm_is_promised(plan: Plan) -> bool:
     quick = 6 * config.virtual.latency_max_ms <= config.lambda_ms
     able = plan.size * config.virtual.handling_ms <= 0.2 * config.lambda_ms
     return (
-        config.challenge_policy == "r_complete"
+        config.challenge_policy in ("r_complete", "always")
         and config.neighbours == "connected"
         and config.epochs
         and config.probe_every > 0

@@ -28,6 +28,10 @@ from swarmer.protocol.events import Arm, Fly, Local, Timer
 MEASURED, LANDED, RENEW_DUE = int(Local.MEASURED), int(Local.LANDED), int(Local.RENEW_DUE)
 GRANTS = frozenset({CHALLENGE_ACCEPT, CHALLENGE_ACK, LEASE_RENEW})  # where the answer is no CANCEL
 LAUNCH, LEASE_OVER = int(Local.LAUNCH), int(Local.LEASE_OVER)
+PLAIN = {
+    "swarmer.plugins.signal_strength:SignalStrength", "swarmer.plugins.physical_movement:PhysicalMovement",
+}  # fmt: skip
+"""Techniques that fly V = d - D."""
 
 
 class Localizing(Invariant):
@@ -42,8 +46,10 @@ class Localizing(Invariant):
     def __init__(self, facts: Facts) -> None:
         super().__init__(facts)
         self._sensing_s = make_sensor(facts.rules).delay_s
-        self._sensor_bound = 0.0 if facts.rules.sensing_model == "none" else facts.rules.sensing_error
-        self._plain = facts.rules.technique.endswith(":SignalStrength")
+        off = facts.rules.sensing_error
+        bounds = {"none": 0.0, "uniform": off, "mixed": off}  # of a plugin's errors nobody knows
+        self._sensor_bound = bounds.get(facts.rules.sensing_model, inf)
+        self._plain = facts.rules.technique in PLAIN
 
     def after(self, step: Step) -> str | None:
         m, was = step.m, step.was
@@ -61,6 +67,7 @@ class Localizing(Invariant):
     def _begins(self, step: Step) -> str | None:
         self.looked += 1
         step.was.localizes_since, step.was.thaws_at = step.now, step.was.thaws_heard
+        step.was.flight_s, step.was.flights = 0.0, 0
         step.was.origin = None if step.cause is None else step.cause.origin
         return None if self._means_to_renew(step) else "does not mean to renew its lease"
 
@@ -90,7 +97,7 @@ class Localizing(Invariant):
         was = step.was
         thaws = was.thaws_heard - was.thaws_at
         longest = self._sensing_s + (was.flight_s if was.flying else 0.0)
-        longest += 2 * self.facts.late_s(was) + thaws * self.facts.handling_s
+        longest += (1 + max(1, was.flights)) * self.facts.late_s(was) + thaws * self.facts.handling_s
         lasted = step.now - was.localizes_since
         if lasted > longest:
             return f"took {lasted:.3f} s, at most {longest:.3f} s"
@@ -161,7 +168,9 @@ class Following(Invariant):
     def flew(self, life: Life, asked: Vec3, flight: Flight) -> str | None:
         self.looked += 1
         way, length = flight.displacement, hypot(*asked)
-        before, life.flight_s = life.place, flight.duration_s
+        before = life.place
+        life.flight_s += flight.duration_s
+        life.flights += 1
         life.place = (flight.start[0] + way[0], flight.start[1] + way[1], flight.start[2] + way[2])
         if not all(map(isfinite, way)):
             return f"flies {way}"

@@ -15,7 +15,9 @@ from swarmer.messages import (
     Message,
 )
 from swarmer.observe.invariants.base import BA, BL, A, Facts, Invariant, Life, Step
+from swarmer.protocol.anchor_selection import STRATEGIES, Party
 from swarmer.protocol.events import Local
+from swarmer.state_machine import StateMachine
 
 TICK = int(Local.CHALLENGE_DUE)
 
@@ -84,8 +86,9 @@ class Challenges(Invariant):
 class Accepts(Invariant):
     name, title = "S3", "accept"
     guards = (
-        "Nobody accepts a challenge of its own swarm; who is busy accepts only while it or its swarm anchors, with the "
-        "lower Swarm-ID, and while it holds fewer than M-1 leases; newcomers join M and Swarm-ID aside."
+        "Nobody accepts a challenge of its own swarm; who is busy accepts only while it or its swarm anchors, if the "
+        "anchor selection picks it (by default, with the lower Swarm-ID), and while it holds fewer than M-1 leases; "
+        "newcomers join M and Swarm-ID aside."
     )
     on = frozenset({CHALLENGE_ACCEPT, CHALLENGE_ACK, LEASE_RENEW})  # nothing else grants a lease
     says = frozenset({CHALLENGE_ACCEPT})
@@ -123,9 +126,16 @@ class Accepts(Invariant):
             return f"accepts while {m.state.name}, and does not anchor"
         if self.facts.ids_decide and m.swarm > asked.swarm:
             return f"is busy and accepts {asked.swarm}, lower than its own {m.swarm}"
+        if self.facts.rules.busy_join != "all" and not self._picked(m, asked):
+            return f"is busy and accepts {asked.swarm} of size {asked.size}, which would anchor it"
         if len(was.leases) >= m.settings.m - 1 and asked.sender not in was.leases:
             return f"accepts with {len(was.leases)} leases; M is {m.settings.m:g}"
         return None
+
+    def _picked(self, m: StateMachine, asked: Message) -> bool:
+        """Would the strategy of the run have this FLS anchor the challenger?"""
+        rule = STRATEGIES[self.facts.rules.anchor]
+        return rule(Party(m.swarm, m.size, False), Party(asked.swarm, asked.size, True), asked.challenge)
 
 
 class Pairs(Invariant):

@@ -1,0 +1,213 @@
+"""What a table of runs says of its contenders: how good each is, and which of two is better, seed by seed.
+
+Some settings of the table are *between*: their values are the contenders. All others that vary are *conditions*: within
+one, contenders are compared on the seeds that they share. A measure is a column of results.csv; of all of them less is
+better. One that says when something was reached is infinite for a run that never reached it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from swarmer.errors import BadInput, shown
+from swarmer.experiments.results import STATUS, read_results
+from swarmer.metrics import paired
+from swarmer.metrics.intervals import NEVER, Interval, median
+from swarmer.metrics.paired import SignTest
+from swarmer.settings import did_you_mean
+
+Key = tuple[str, ...]
+Row = dict[str, str]
+TIMED = ("rounds_to_hd", "time_to_hd_s", "first_single_swarm", "all_lit_s")
+FIRST_CHOICES = ("technique", "engine")  # of what is compared, where nobody says
+
+
+class Measure(NamedTuple):
+    """A column, and what it is called."""
+
+    column: str
+    title: str
+
+    @property
+    def timed(self) -> bool:
+        """It says when something was reached; empty is never."""
+        return self.column.startswith(TIMED)
+
+
+MEASURES = (
+    Measure("hd_cells", "HD at the end, cells"),
+    Measure("rounds_to_hd.0.09", "rounds to HD < 0.09"),
+    Measure("time_to_hd_s.0.09", "seconds to HD < 0.09"),
+    Measure("distance_cells_mean", "cells flown by an FLS"),
+    Measure("datagrams_sent", "datagrams sent"),
+)
+"""Those that are looked at unless others are named; of each only where the runs have it."""
+
+
+class Cell(NamedTuple):
+    """A contender in a condition."""
+
+    condition: Key
+    contender: Key
+    values: dict[str, dict[int, float]]  # by column of a measure, by seed
+    failed: int  # runs that are not done
+
+    def estimate(self, measure: Measure) -> Interval:
+        """Its mean with a bootstrap interval; of what is timed the median, between two ranks."""
+        values = list(self.values[measure.column].values())
+        return median(values) if measure.timed else paired.bootstrap_mean(values)
+
+
+class Pair(NamedTuple):
+    """Two contenders in a condition, by one measure."""
+
+    measure: Measure
+    condition: Key
+    one: Key
+    other: Key
+    difference: Interval  # other - one
+    effect: float  # matched-pairs rank-biserial correlation; below 0 the other is better
+    less: int  # seeds on which the other is less,
+    more: int  # or more; on the rest both are the same
+    test: SignTest
+    p: float  # corrected for all pairs of the measure
+
+    @property
+    def shown(self) -> bool:
+        """There is a difference, as far as ALPHA goes."""
+        return self.p < paired.ALPHA
+
+    @property
+    def better(self) -> Key | None:
+        """Which one is, if that is shown."""
+        if not self.shown or self.difference.estimate == 0 or math.isnan(self.difference.estimate):
+            return None
+        return self.other if self.difference.estimate < 0 else self.one
+
+
+class Comparison(NamedTuple):
+    """All that a table says."""
+
+    between: Key  # settings whose values are the contenders
+    within: Key  # settings whose values are the conditions
+    measures: tuple[Measure, ...]
+    cells: list[Cell]
+    pairs: list[Pair]
+    seeds: list[int]
+
+    def family(self, measure: Measure) -> int:
+        """How many pairs are tested by a measure."""
+        return sum(pair.measure == measure for pair in self.pairs)
+
+
+def compare(path: Path, between: Iterable[str] = (), measures: Iterable[str] = ()) -> Comparison:
+    """Compare the runs of a results.csv. between, measures: names of settings, of columns; none: what fits.
+
+    Raises BadInput for a name that the table does not have, OSError, ValueError.
+    """
+    settings, rows = read_results(path)
+    varied = [name for name in settings if len({row[name] for row in rows}) > 1]
+    competing = chosen(list(between), varied)
+    within = tuple(name for name in varied if name not in competing)
+    done = [row for row in rows if row.get(STATUS) == "done"]
+    looked = _measures(list(measures), rows, done)
+    there: dict[tuple[Key, Key], list[Row]] = {}
+    for row in rows:
+        there.setdefault((_key(row, within), _key(row, competing)), []).append(row)
+    cells = [
+        _cell(condition, contender, there[condition, contender], looked)
+        for condition in _keys(rows, within)
+        for contender in _keys(rows, competing)
+        if (condition, contender) in there
+    ]
+    seeds = sorted({int(row["seed"]) for row in rows})
+    return Comparison(competing, within, looked, cells, _pairs(cells, looked), seeds)
+
+
+def _key(row: Row, names: Key) -> Key:
+    return tuple(row[name] or "null" for name in names)
+
+
+def _keys(rows: Iterable[Row], names: Key) -> list[Key]:
+    """In the order of the table."""
+    return list(dict.fromkeys(_key(row, names) for row in rows))
+
+
+def chosen(asked: list[str], varied: list[str]) -> Key:
+    """The settings whose values compete, of those that vary. Raises BadInput."""
+    for name in asked:
+        if name not in varied:
+            raise BadInput.saying(
+                f"between: {shown(name)} does not vary here;{did_you_mean(name, varied)} "
+                f"what varies: {', '.join(varied) or 'the seed alone'}"
+            )
+    if asked:
+        return tuple(asked)
+    first = [name for name in (*FIRST_CHOICES, *varied) if name in varied]
+    if not first:
+        raise BadInput.saying("between: nothing varies but the seed; two values of a setting can be compared")
+    return (first[0],)
+
+
+def _measures(asked: list[str], rows: list[Row], done: list[Row]) -> tuple[Measure, ...]:
+    known = {measure.column: measure for measure in MEASURES}
+    if not asked:
+        found = [measure for measure in MEASURES if any(_number(row.get(measure.column)) for row in done)]
+        return tuple(found)
+    columns = list(rows[0]) if rows else []
+    for name in asked:
+        if name not in columns or not all(_number(row[name]) for row in done if row[name]):
+            hint = did_you_mean(name, columns)
+            raise BadInput.saying(f"measure: {shown(name)} is no column of numbers in results.csv;{hint}")
+    return tuple(known.get(name, Measure(name, name)) for name in asked)
+
+
+def _number(text: str | None) -> bool:
+    try:
+        return bool(text) and math.isfinite(float(text or ""))
+    except ValueError:
+        return False
+
+
+def _cell(condition: Key, contender: Key, rows: list[Row], measures: Sequence[Measure]) -> Cell:
+    done = [row for row in rows if row.get(STATUS) == "done"]
+    values: dict[str, dict[int, float]] = {}
+    for measure in measures:
+        by_seed = {int(row["seed"]): row.get(measure.column) or "" for row in done}
+        if measure.timed:
+            values[measure.column] = {seed: float(text) if text else NEVER for seed, text in by_seed.items()}
+        else:
+            values[measure.column] = {seed: float(text) for seed, text in by_seed.items() if text}
+    return Cell(condition, contender, values, len(rows) - len(done))
+
+
+def _pairs(cells: list[Cell], measures: Sequence[Measure]) -> list[Pair]:
+    found: list[Pair] = []
+    for measure in measures:
+        tested = [
+            _pair(measure, one, other)
+            for _, there in itertools.groupby(cells, key=_condition)
+            for one, other in itertools.combinations(list(there), 2)
+            if set(one.values[measure.column]) & set(other.values[measure.column])
+        ]
+        corrected = paired.holm([pair.test.p for pair in tested])
+        found += [pair._replace(p=p) for pair, p in zip(tested, corrected, strict=True)]
+    return found
+
+
+_condition: Callable[[Cell], Key] = lambda cell: cell.condition  # noqa: E731
+
+
+def _pair(measure: Measure, one: Cell, other: Cell) -> Pair:
+    mine, theirs = one.values[measure.column], other.values[measure.column]
+    seeds = sorted(set(mine) & set(theirs))
+    values = paired.differences([mine[seed] for seed in seeds], [theirs[seed] for seed in seeds])
+    test = paired.sign_flips(values)
+    return Pair(
+        measure, one.condition, one.contender, other.contender, paired.difference(values), paired.effect(values),
+        sum(value < 0 for value in values), sum(value > 0 for value in values), test, test.p,
+    )  # fmt: skip

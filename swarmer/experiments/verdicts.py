@@ -1,0 +1,181 @@
+"""A comparison in words and tables: nothing is called better than another unless a paired test says so."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable
+
+from swarmer.experiments.comparison import Cell, Comparison, Key, Measure, Pair
+from swarmer.experiments.tables import bounded
+from swarmer.metrics import paired
+from swarmer.metrics.intervals import Interval
+from swarmer.observe.words import count
+
+LEAST_P = 1e-4  # smaller ones are not told apart
+PAIR_COLUMNS = (
+    "measure", "condition", "one", "other", "pairs", "difference", "low", "high", "interval", "effect_rank_biserial",
+    "other_less", "other_more", "p", "p_holm", "test", "better",
+)  # fmt: skip
+
+
+def figure(value: float) -> str:
+    """A number with three digits that say something.
+
+    >>> figure(0.012345), figure(12.345), figure(161_234.5), figure(math.inf), figure(-math.inf)
+    ('0.0123', '12.3', '161,234', 'never', '-∞')
+    """
+    if math.isinf(value):
+        return "never" if value > 0 else "-∞"
+    if abs(value) >= 1000:
+        return count(value)
+    return f"{value:.3g}"
+
+
+def named(key: Key, names: Key) -> str:
+    """What a key says, in words: the values alone where one setting gives them.
+
+    >>> named(("signal_strength",), ("technique",)), named(("dragon", "5"), ("shape", "epsilon_deg"))
+    ('signal_strength', 'shape dragon, epsilon_deg 5')
+    """
+    if len(names) == 1:
+        return key[0]
+    return ", ".join(f"{name} {value}" for name, value in zip(names, key, strict=True))
+
+
+def cell_figure(cell: Cell, measure: Measure) -> str:
+    """`1.23 [1.1, 1.4]`, and of what is timed how many got there, if not all."""
+    values = list(cell.values[measure.column].values())
+    if not values:
+        return "–"
+    reached = sum(map(math.isfinite, values))
+    if not reached:
+        return "never"
+    there = "" if reached == len(values) else f" ({reached}/{len(values)})"
+    return bounded(cell.estimate(measure), figure) + there
+
+
+def table_rows(comparison: Comparison) -> list[list[str]]:
+    """Titles and a row for each contender in each condition."""
+    titles = [*comparison.within, " + ".join(comparison.between), "runs"]
+    rows = [[*titles, *(measure.title for measure in comparison.measures)]]
+    for cell in comparison.cells:
+        runs = max((len(values) for values in cell.values.values()), default=0)
+        failed = f" ({cell.failed} failed)" if cell.failed else ""
+        rows.append(
+            [*cell.condition, named(cell.contender, comparison.between), f"{runs}{failed}",
+             *(cell_figure(cell, measure) for measure in comparison.measures)]
+        )  # fmt: skip
+    return rows
+
+
+def method_lines(comparison: Comparison) -> list[str]:
+    """How the figures come about, so that nobody has to guess."""
+    seeds = len(comparison.seeds)
+    lines = [
+        f"Paired by seed, {seeds} seed{'s' * (seeds != 1)}. Means with {_intervals(comparison)} intervals of 95 %; "
+        "what is timed as median between two ranks, a run that never got there later than all others.",
+        "Differences: permutation test by sign flips, p corrected by Holm for all pairs of a measure; effect: "
+        "matched-pairs rank-biserial correlation, -1 to 1.",
+    ]
+    for measure in comparison.measures:
+        least = min((pair.test.least_p for pair in comparison.pairs if pair.measure == measure), default=0.0)
+        tests = comparison.family(measure)
+        if least * tests >= paired.ALPHA:
+            lines.append(
+                f"{measure.title}: {tests} pair{'s' * (tests != 1)} on {seeds} seed{'s' * (seeds != 1)} cannot show a "
+                f"difference, however large; {paired.pairs_needed(tests)} seeds could."
+            )
+    return lines
+
+
+def _intervals(comparison: Comparison) -> str:
+    plain = [measure for measure in comparison.measures if not measure.timed]
+    methods = {
+        cell.estimate(measure).method
+        for measure in plain for cell in comparison.cells if cell.values[measure.column]
+    }  # fmt: skip
+    words = {"t": "Student's t", "bootstrap BCa": "bootstrap (BCa)"}
+    return " or ".join(words[method] for method in sorted(methods)) or "bootstrap (BCa)"
+
+
+def pair_line(pair: Pair, comparison: Comparison) -> str:
+    """What is to be said of two contenders."""
+    one, other = named(pair.one, comparison.between), named(pair.other, comparison.between)
+    where = f"{named(pair.condition, comparison.within)}: " if pair.condition else ""
+    less, more = ("earlier", "later") if pair.measure.timed else ("less", "more")
+    n = pair.difference.n
+    figures = f"(effect {pair.effect:+.2f}, p {_p(pair.p)})"
+    if pair.better is None:
+        return (
+            f"{where}{other} against {one}: no difference shown, by {bounded(pair.difference, figure)}, "
+            f"{less} on {pair.less} of {n} seeds, {more} on {pair.more} {figures}"
+        )
+    falls = pair.better == pair.other
+    word, seeds = (less, pair.less) if falls else (more, pair.more)
+    amount = _turned(pair.difference) if falls else pair.difference
+    return f"{where}{other} {word} than {one}, {_by(amount)}on {seeds} of {n} seeds {figures}"
+
+
+def _turned(difference: Interval) -> Interval:
+    """The same, as the amount by which it is less."""
+    return difference._replace(estimate=-difference.estimate, low=-difference.high, high=-difference.low)
+
+
+def _by(amount: Interval) -> str:
+    """How much, unless one of the two never got there."""
+    return "" if math.isinf(amount.estimate) else f"by {bounded(amount, figure)}, "
+
+
+def _p(p: float) -> str:
+    return f"< {LEAST_P:g}" if p < LEAST_P else f"{p:.2g}"
+
+
+def statements(comparison: Comparison, only_first: bool = False) -> list[str]:
+    """A line for each pair, measure by measure. only_first: those with the first contender alone."""
+    lines = []
+    first = comparison.cells[0].contender if comparison.cells else ()
+    for measure in comparison.measures:
+        pairs = [pair for pair in comparison.pairs if pair.measure == measure]
+        said = [
+            pair_line(pair, comparison) for pair in pairs if not only_first or first in (pair.one, pair.other)
+        ]
+        if said:
+            lines += [f"{measure.title}:", *(f"  {line}" for line in said)]
+    return lines
+
+
+def markdown(comparison: Comparison, title: str) -> str:
+    """A page: the table, what it says, and how that was found."""
+    rows = table_rows(comparison)
+    lines = [f"# {title}", "", *_table(rows), "", *method_lines(comparison), ""]
+    for measure in comparison.measures:
+        pairs = [pair for pair in comparison.pairs if pair.measure == measure]
+        if pairs:
+            lines += [f"## {measure.title}", "", *(f"- {pair_line(pair, comparison)}" for pair in pairs), ""]
+    return "\n".join(lines)
+
+
+def _table(rows: list[list[str]]) -> Iterable[str]:
+    yield f"| {' | '.join(rows[0])} |"
+    yield f"|{'---|' * len(rows[0])}"
+    for row in rows[1:]:
+        yield f"| {' | '.join(row)} |"
+
+
+def pairs_csv(comparison: Comparison) -> str:
+    """A row for each pair and measure; an infinite difference is `inf`."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(PAIR_COLUMNS)
+    for pair in comparison.pairs:
+        better = pair.better
+        table.writerow(
+            [pair.measure.column, named(pair.condition, comparison.within) if pair.condition else "",
+             named(pair.one, comparison.between), named(pair.other, comparison.between), pair.difference.n,
+             *(f"{value:.9g}" for value in pair.difference[:3]), pair.difference.method, f"{pair.effect:.4f}",
+             pair.less, pair.more, f"{pair.test.p:.6g}", f"{pair.p:.6g}", pair.test.method,
+             "" if better is None else named(better, comparison.between)]
+        )  # fmt: skip
+    return text.getvalue()

@@ -1,0 +1,160 @@
+"""A plugin of another package that goes wrong is named, with its package: before the run, or when it happens."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from swarmer.config import load_config
+from swarmer.errors import BadInput, PluginFailed
+from swarmer.experiments.one_run import perform
+from swarmer.plan import make_plan, make_sensor, make_thaw_policy
+from swarmer.plugins.guard import GuardedLocalizer, vector_of
+
+GROUPS = {
+    "technique": "swarmer.localizers", "sensing.model": "swarmer.sensor_errors", "thaw.policy": "swarmer.thaw_policies",
+}  # fmt: skip
+BASE = ["shape=sphere", "points=12", "engine=virtual", "duration_s=5", "recording.enabled=false"]
+number = iter(range(1000))
+
+DISPLACEMENT = "class It:\n    def displacement(self, measured, ground_truth):\n        {}\n"
+LEGS = DISPLACEMENT.format("return (1, 2, 3)") + "    def legs(self, measured, ground_truth):\n        {}\n"
+DRAW = "def It(share, accurate):\n    return lambda rng: {}\n"
+DELAY = """from swarmer.protocol.thaw import Silent
+class It(Silent):
+    def __init__(self, count, h_s, spread):
+        {}
+    def delay_s(self, rng):
+        {}
+"""
+SOON = DELAY.format("pass", "return 1.0")
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Make an installed package of one module, and the setting that picks what it adds."""
+
+    def make(setting, source):
+        name = f"strange{next(number)}"
+        home = tmp_path / name
+        facts = home / f"{name}-2.dist-info"
+        facts.mkdir(parents=True)
+        (home / f"{name}.py").write_text(source)
+        (facts / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}-package\nVersion: 2\n")
+        (facts / "entry_points.txt").write_text(f"[{GROUPS[setting]}]\n{name} = {name}:It\n")
+        monkeypatch.syspath_prepend(home)
+        return name, f"{setting}={name}"
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("setting", "source", "said"),
+    [
+        ("technique", DISPLACEMENT.format("return (1.0, 2.0)"), "gave (1.0, 2.0), not three numbers"),
+        ("technique", DISPLACEMENT.format("return None"), "gave None, not three numbers"),
+        ("technique", DISPLACEMENT.format("return 'abc'"), "gave 'abc', not three numbers"),
+        ("technique", DISPLACEMENT.format("return (1.0, float('nan'), 0.0)"), "gave (1.0, nan, 0.0), which is not"),
+        ("technique", DISPLACEMENT.format("return (1e999, 0, 0)"), "gave (inf, 0, 0), which is not finite"),
+        ("technique", DISPLACEMENT.format("return measured[3]"), "raised IndexError: tuple index out of range"),
+        ("technique", "class It:\n    pass\n", "which has no displacement"),
+        ("technique", "class It:\n    def __init__(self, needed):\n        1\n", "made without arguments raised"),
+        ("technique", "import nowhere_to_be_found\n", "cannot be imported: raised ModuleNotFoundError"),
+        ("technique", "It = 3\n", "made without arguments raised TypeError"),
+        ("technique", "That = 3\n", "cannot be imported: raised AttributeError"),
+        ("technique", LEGS.format("return ((1, 2), (3, 4))"), "legs((3, -1, 2), (2, 0.5, 2)) gave (1, 2)"),
+        ("technique", LEGS.format("return ()"), "gave (), not one leg or more"),
+        ("sensing.model", DRAW.format("None"), "a draw gave None, not a finite number"),
+        ("sensing.model", DRAW.format("float('nan')"), "a draw gave nan, not a finite number"),
+        ("sensing.model", DRAW.format("1 / 0"), "a draw raised ZeroDivisionError"),
+        ("sensing.model", "def It(share, accurate):\n    return 1.0\n", "gave 1.0, not a function of a generator"),
+        ("sensing.model", "def It():\n    return 1.0\n", "raised TypeError"),
+        ("thaw.policy", DELAY.format("pass", "return -1.0"), "delay_s gave -1.0, not None or seconds above 0"),
+        ("thaw.policy", DELAY.format("pass", "return float('inf')"), "delay_s gave inf"),
+        ("thaw.policy", DELAY.format("raise OSError('no\\nway')", "return 1.0"), "raised OSError: no way"),
+        ("thaw.policy", "class It:\n    def __init__(self, *_):\n        pass\n", "gave what has no delay_s"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused_before_a_run(package, setting, source, said):
+    name, choice = package(setting, source)
+    with pytest.raises(BadInput) as refused:
+        make_plan(load_config(None, [*BASE, choice]))
+    line = str(refused.value)
+    assert line.startswith(f"{setting}: '{name}' of the package {name}-package 2: ")
+    assert said in line
+    assert "\n" not in line
+    assert refused.value.exit_status == 2
+
+
+def test_a_policy_that_counts_reports_needs_epochs(package):
+    _, choice = package("thaw.policy", SOON)
+    with pytest.raises(BadInput, match="needs epochs: true"):
+        make_plan(load_config(None, [*BASE, choice, "epochs=false"]))
+    _, choice = package("thaw.policy", SOON + "    needs_epochs = False\n")
+    assert make_plan(load_config(None, [*BASE, choice, "epochs=false"])).rules.thaw_policy.endswith(":It")
+
+
+LATE = "    calls = 0\n    def {}(self, *_):\n        It.calls += 1\n        return {} if It.calls < {} else {}\n"
+
+
+@pytest.mark.parametrize(
+    ("setting", "source", "said"),
+    [
+        ("technique", "class It:\n" + LATE.format("displacement", "(0.0, 0.0, 0.0)", 9, "(1, float('nan'), 1)"), "nan"),
+        ("technique", "class It:\n" + LATE.format("displacement", "(0.0, 0.0, 0.0)", 9, "1 / 0"), "ZeroDivisionError"),
+        ("sensing.model", "class It:\n    def __init__(self, share, accurate):\n        pass\n"
+         + LATE.format("__call__", "1.0", 25, "[]"), "a draw gave [], not a finite number"),
+        ("thaw.policy", SOON + LATE.format("joined", "None", 5, "1 / 0"), "joined raised"),
+        ("thaw.policy", SOON + LATE.format("begins", "None", 5, "1 / 0"), "begins raised"),
+    ],
+)  # fmt: skip
+def test_what_goes_wrong_later_ends_the_run_and_says_whose_it_is(package, tmp_path, setting, source, said):
+    name, choice = package(setting, source)
+    outcome = perform(load_config(None, [*BASE, choice]), tmp_path / "run")
+    assert outcome.status == "failed"
+    assert outcome.message.startswith(f"{setting}: '{name}' of the package {name}-package 2: ")
+    assert said in outcome.message
+    assert outcome.summary["message"] == outcome.message
+
+
+@pytest.mark.processes
+def test_an_fls_process_says_it_before_it_ends(package, tmp_path):
+    # Good while the run is planned, and not in an FLS process, which has no numpy.
+    source = "import sys\n" + DISPLACEMENT.format(
+        "return (0, 0, 0 if 'numpy' in sys.modules else float('nan'))"
+    )
+    name, choice = package("technique", source)
+    code = f"import sys; sys.path[:0] = {sys.path!r}; from swarmer import cli; cli.main_run()"
+    settings = [*(one for one in BASE if not one.startswith("engine")), choice]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *(word for one in settings for word in ("--set", one)), "--out", "run"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 1, done.stderr
+    assert "Traceback" not in done.stderr
+    assert f"technique: '{name}' of the package {name}-package 2:" in " ".join(done.stderr.split()), (
+        done.stderr
+    )
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert (summary["status"], "which is not finite" in summary["message"]) == ("failed", True)
+
+
+def test_ours_are_not_guarded():
+    rules = make_plan(load_config(None, BASE)).rules
+    assert make_thaw_policy(rules, 1).__class__.__module__ == "swarmer.protocol.roster"
+    assert make_sensor(rules).error(None) == 1.0
+
+
+def test_what_numpy_gives_is_a_vector_too(package):
+    import numpy as np
+
+    assert vector_of(np.array([1.0, 2.0, 3.0])) == (1.0, 2.0, 3.0)
+    assert all(type(part) is float for part in vector_of(np.arange(3)))
+    with pytest.raises(ValueError, match="not three numbers"):
+        vector_of(np.ones((3, 3)))
+    name, _ = package("technique", DISPLACEMENT.format("return ground_truth"))
+    assert GuardedLocalizer(f"{name}:It").displacement((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)) == (0.0, 1.0, 0.0)
+    assert not hasattr(GuardedLocalizer(f"{name}:It"), "legs")
+    with pytest.raises(PluginFailed):
+        GuardedLocalizer("nowhere_at_all:It")
