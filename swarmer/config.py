@@ -19,6 +19,7 @@ from swarmer.config_groups import (
     FAR,
     Deploy,
     Failure,
+    Faults,
     Flight,
     Process,
     Radio,
@@ -159,6 +160,7 @@ class RunConfig(Group):
     flight: Flight = Flight()
     deploy: Deploy = Deploy()
     failure: Failure = Failure()
+    faults: Faults = Faults()
     recording: Recording = Recording()
     process: Process = Process()
     virtual: Virtual = Virtual()
@@ -287,6 +289,12 @@ def contradictions(config: RunConfig) -> list[str]:
         return [
             f"accept_gap_ms: {config.accept_gap_ms:g} is not allowed with challenge_on_available: true; "
             f"milliseconds, {GAP_MS:g} or more"
+        ]
+    radio = config.radio
+    if radio.burst and max(radio.sender_loss, radio.receiver_loss) > radio.burst_loss:
+        return [
+            f"radio.burst_loss: {radio.burst_loss:g} is too little for the loss at an end, "
+            f"{max(radio.sender_loss, radio.receiver_loss):g}; at least as much"
         ]
     if 0 < config.failure.battery_s < BATTERY_S:
         return [

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from swarmer.entry_points import OURS, SENSOR_ERRORS, THAW_POLICIES
-from swarmer.settings import Group, choice, flag, named, number, positions, whole
+from swarmer.settings import Group, choice, flag, named, number, positions, rows, text, whole
 
 FAR = 1_000_000  # cells, seconds: beyond any display and any run
 Carrier = Literal["auto", "unicast", "broadcast"]
@@ -84,6 +84,17 @@ class Radio(Group):
     delay_ms: float = number(0, "ms", 0, 60_000, "added to the way of every datagram")
     jitter_ms: float = number(
         0, "ms", 0, 60_000, "the delay varies by up to this, both ways, never below zero"
+    )
+    burst: int = whole(
+        0, "", 0, 10_000, "datagrams that a burst of losses spans in the mean; 0: each is lost by itself"
+    )
+    burst_loss: float = number(1, "p", 0, 1, "a datagram is lost within a burst", above=True)
+    dead_links: float = number(
+        0,
+        "p",
+        0,
+        1,
+        "nothing gets from one FLS to another in the whole run; each direction is drawn by itself",
     )
     mac: bool = flag(False, "sign every datagram and drop those that are not signed by this run")
     carrier: Carrier = choice("auto", "how datagrams for several FLSs travel", only="process")
@@ -181,6 +192,19 @@ class Failure(Group):
     rate: float = number(0, "1/s", 0, 10, "how often each FLS fails")
     replace: bool = flag(True, "launch a replacement from a dispatcher")
     battery_s: float = number(0, "s", 0, FAR, "flying time of a battery; 0 lasts for ever")
+
+
+class Faults(Group):
+    """What goes wrong at set times: see the page on faults."""
+
+    schedule: tuple[dict[str, Any], ...] = rows(
+        0, 10_000, "faults, each with at, what, where, maybe for, and what it needs besides"
+    )
+    calm_s: float | None = number(
+        None, "s", 0, FAR, "then every fault ends and nothing goes wrong any more", none="never"
+    )
+    file: str | None = text(None, "a YAML file with more faults, and maybe calm", none="none")
+    random: int = whole(0, "", 0, 1000, "so many faults besides, drawn from the seed over the whole run")
 
 
 class Recording(Group):

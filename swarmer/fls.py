@@ -14,9 +14,11 @@ from itertools import count as counting
 from random import Random
 from typing import TYPE_CHECKING, NamedTuple
 
+from swarmer.faults import NO_FAULTS, Schedule
 from swarmer.messages import ENGINE_FID, NO_SWARM, Kind, Message, Stamp, Swarm, Vec3
 from swarmer.physics.dead_reckoning import MODELS as DEAD_RECKONING
 from swarmer.physics.flight import Flight, plan_flight, position_at
+from swarmer.physics.sensor_faults import sensed
 from swarmer.plan import Rules, make_machine, make_sensor, make_velocity
 from swarmer.protocol import race
 from swarmer.protocol.events import (
@@ -38,7 +40,8 @@ from swarmer.protocol.events import (
     Timer,
 )
 from swarmer.protocol.records import Counters
-from swarmer.radio import Ears, EndRules, ReplayWindow, fate, heard
+from swarmer.radio import Ears, ReplayWindow, heard
+from swarmer.radio_faults import Ends
 from swarmer.state_machine import Identity, State
 from swarmer.streams import stream
 from swarmer.telemetry import DELIVERED_BY_KIND, SENT_BY_KIND, Wire
@@ -98,19 +101,19 @@ class BaseFls(ABC):
     """The two roles and what they share. An engine's class says how time passes and which way a datagram takes."""
 
     __slots__ = (
-        "_count", "_dead_reckoning", "_flight_rng", "_heard_from", "_legs", "_machine_rng", "_measured_from",
-        "_neighbour_reply", "_neighbours", "_numbers", "_range_estimated", "_receiver_rng", "_receiver_rules",
-        "_run_id", "_seed", "_sender_rng", "_sender_rules", "_sensor_rng", "_window", "due", "ears", "flight",
-        "handler_counts", "machine", "network_counts", "notes", "published", "queues", "rules", "sensor", "spec",
-        "velocity", "witness",
+        "_count", "_dead_reckoning", "_ends", "_flight_rng", "_heard_from", "_legs", "_machine_rng", "_measured_from",
+        "_neighbour_reply", "_neighbours", "_numbers", "_range_estimated", "_run_id", "_seed", "_sensor_faults",
+        "_sensor_faults_rng", "_sensor_rng", "_window", "due", "ears", "flight", "handler_counts", "machine",
+        "network_counts", "notes", "published", "queues", "rules", "sensor", "spec", "velocity", "witness",
     )  # fmt: skip
 
     def __init__(
         self, run_id: int, seed: int, rules: Rules, spec: FlsSpec, handler_counts: Counters, network_counts: Counters,
-        witness: Witness | None = None,
+        witness: Witness | None = None, faults: Schedule = NO_FAULTS,
     ) -> None:  # fmt: skip
         """run_id: on every datagram. seed: of the run. counts: of the thread of either role, in places of `Wire`.
-        witness: told of everything, if the engine lets anybody watch.
+        witness: told of everything, if the engine lets anybody watch. faults: of which this is about those of radio and
+        sensor; who is dark, hangs or is slow is an engine's business.
 
         The clock of the class must run by now, for what an FLS waits for from its first moment on.
         """
@@ -118,7 +121,8 @@ class BaseFls(ABC):
         self.handler_counts, self.network_counts, self.witness = handler_counts, network_counts, witness
         self.velocity, self.sensor = make_velocity(rules), make_sensor(rules)
         self._dead_reckoning = DEAD_RECKONING[rules.dead_reckoning]
-        self._sender_rules, self._receiver_rules = EndRules(*rules.sender), EndRules(*rules.receiver)
+        self._ends = Ends(rules, faults, seed, spec.fid, self.own_stream)
+        self._sensor_faults = faults.of_sensors(spec.fid)
         self._count, self._range_estimated = rules.count, rules.range_estimated
         self._neighbour_reply = rules.neighbour_reply
         self._draw_streams()
@@ -154,10 +158,10 @@ class BaseFls(ABC):
         shared = self.rules.deploy_shared_error and self.spec.incarnation == 0
         self._flight_rng = stream(self._seed, "flight") if shared else self.own_stream("flight")
         self._machine_rng = stream(self._seed, "machine") if shared else self.own_stream("machine")
-        # None where there is nothing to draw.
-        self._sender_rng = None if self._sender_rules.perfect else self.own_stream("sender")
-        self._receiver_rng = None if self._receiver_rules.perfect else self.own_stream("receiver")
         self._sensor_rng = self.own_stream("sensor")
+        self._sensor_faults_rng = (
+            self.own_stream("sensor faults") if self._sensor_faults else self._sensor_rng
+        )
 
     def own_stream(self, purpose: str) -> Random:
         """What this FLS draws from for one purpose."""
@@ -225,14 +229,14 @@ class BaseFls(ABC):
         if refusal is not None:
             self.network_counts[REFUSED[refusal]] += 1
             self.tell_fate(message, stamp, refusal)
-        elif self._receiver_rng is None or message.sender == ENGINE_FID:
+        elif self._ends.plain_in or message.sender == ENGINE_FID:
             self.arrive(message, stamp)
         else:
-            self._receive(message, stamp, self._receiver_rng)
+            self._receive(message, stamp)
 
-    def _receive(self, message: Message, stamp: Stamp, rng: Random) -> None:
+    def _receive(self, message: Message, stamp: Stamp) -> None:
         """What this FLS's own end of the radio does to it."""
-        copies = fate(self._receiver_rules, rng)
+        copies = self._ends.heard(message, stamp.sent_at)
         if not copies:
             self.network_counts[_LOST_RECEIVER] += 1
             self.tell_fate(message, stamp, "lost")
@@ -388,6 +392,8 @@ class BaseFls(ABC):
     def _measure(self) -> None:
         x, o = self.position(), self._measured_from
         vector = self.sensor.measure((o[0] - x[0], o[1] - x[1], o[2] - x[2]), self._sensor_rng)
+        if self._sensor_faults:
+            vector = sensed(vector, self._sensor_faults, self.now(), self._sensor_faults_rng)
         self.feed(Measured(vector))
 
     def _fly_legs(self, legs: tuple[Vec3, ...], now: float) -> None:
@@ -433,8 +439,8 @@ class BaseFls(ABC):
         """Stamp and send; `counts`: those of the thread that sends."""
         counts[_SENT] += 1
         counts[SENT_BY_KIND + message.kind] += 1
-        if self._sender_rng is not None:
-            self._send_by_chance(message, counts, self._sender_rng)
+        if not self._ends.plain_out:
+            self._send_by_chance(message, counts)
             return
         now = self.now()
         stamp = self.stamp(message, now)
@@ -442,10 +448,10 @@ class BaseFls(ABC):
             self.witness.sent(self, message, stamp, 1, now)  # type: ignore[arg-type]
         self.transmit(message, stamp, counts)
 
-    def _send_by_chance(self, message: Message, counts: Counters, rng: Random) -> None:
+    def _send_by_chance(self, message: Message, counts: Counters) -> None:
         """What this FLS's own end of the radio does to it."""
-        copies = fate(self._sender_rules, rng)
         now = self.now()
+        copies = self._ends.sent(message, now)
         stamp = self.stamp(message, now + copies[0] if copies else now)
         if self.witness is not None:
             self.witness.sent(self, message, stamp, len(copies), now)  # type: ignore[arg-type]

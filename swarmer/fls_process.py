@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import heapq
 import os
+import signal
 from itertools import count as counting
 from time import monotonic
 from typing import NamedTuple
 
+from swarmer.faults import NO_FAULTS, Schedule
 from swarmer.fls import DEPARTED, NEVER, PRIORITY, BaseFls, FlsSpec
+from swarmer.fls_calm import calm_down
 from swarmer.messages import (
     CHALLENGE_INIT,
     CONTROL,
@@ -44,7 +47,6 @@ from swarmer.telemetry import (
 )
 from swarmer.udp_wrapper import UdpWrapper, Wires
 
-FAILED_EXIT = 17  # an FLS that failed as scheduled, without a word (rule 13)
 DEPARTED_EXIT = 18  # one that left to charge
 PLUGIN_EXIT = 19  # one whose plugin failed
 
@@ -63,6 +65,7 @@ class RunSpec(NamedTuple):
     steps_per_cell: float  # of the radio's grid
     loop: str
     cpus: tuple[int, ...]  # cores to pin to, by turns; empty: do not pin
+    faults: Schedule = NO_FAULTS
 
 
 class Fls(BaseFls):
@@ -74,8 +77,8 @@ class Fls(BaseFls):
         self.clock = Clock(shared)
         self.slot = Slot(shared, spec.fid)
         super().__init__(
-            run.run, run.seed, run.rules, spec, self.slot.handler_counts, self.slot.network_counts
-        )
+            run.run, run.seed, run.rules, spec, self.slot.handler_counts, self.slot.network_counts, None, run.faults
+        )  # fmt: skip
         self._grid = Grid(run.steps_per_cell)
         self._cell = self._grid.of(spec.truth)
         self.udp = UdpWrapper(
@@ -88,6 +91,7 @@ class Fls(BaseFls):
         self._shown: tuple[State, Swarm, int, Flight] | None = None
         self._began, self._thawed = Began.ANOTHER, NOTHING_LEFT
         self.exit_status: int | None = None
+        self._calm_s = NEVER if run.faults.calm_s is None else run.faults.calm_s
         self.begin()
 
     def now(self) -> float:
@@ -167,6 +171,9 @@ class Fls(BaseFls):
         """Handle the one thing that is most urgent, while the run runs; False if there is nothing to do now."""
         now = self.clock.now()
         if self.clock.phase == _GO:
+            if now >= self._calm_s:
+                self._calm_s = NEVER
+                calm_down(self)
             return self.work(now)
         if self.clock.phase == _STOP:
             self.exit_status = 0
@@ -198,11 +205,12 @@ class Fls(BaseFls):
         self._began = Began.KNOWING if begins.known else Began.CLOCK
 
     def end(self, how: str) -> None:
-        """Leave to charge; or fail, at once and without a word."""
+        """Leave to charge; or fail, at once and without a word (rule 13)."""
         if how == DEPARTED:
             self.exit_status = DEPARTED_EXIT
         else:
-            os._exit(FAILED_EXIT)
+            self.slot.live(Life.FAILING)  # for the count of failures, which are no crashes
+            os.kill(os.getpid(), signal.SIGKILL)
 
     def _publish(self) -> None:
         m = self.machine

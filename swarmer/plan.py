@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from swarmer.entry_points import OURS, SENSOR_ERRORS, THAW_POLICIES, installed
 from swarmer.errors import BadInput
+from swarmer.faults import NO_FAULTS, Schedule
 from swarmer.physics.flight import Velocity
 from swarmer.physics.sensing import MODELS as SENSOR_MODELS
 from swarmer.physics.sensing import Sensor, SensorErrorModel
@@ -83,6 +84,7 @@ class Rules(NamedTuple):
     launch_rate: float  # FLSs per second and dispatcher; 0: all at once
     failure_rate: float
     battery_s: float
+    dead_links: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,6 +96,7 @@ class Plan:
     neighbours: NeighbourPlan
     rules: Rules
     diagonal_cells: float  # of the display
+    faults: Schedule = NO_FAULTS
 
     @property
     def size(self) -> int:
@@ -104,14 +107,16 @@ class Plan:
 def make_plan(config: RunConfig) -> Plan:
     """Plan a run. Raises BadInput for a shape, a technique or an η that cannot be.
 
-    In the plan's settings a file's path is absolute: they name the same file from every directory.
+    In the plan's settings a shape's path is absolute, and the faults of a file are listed: so they make the same run
+    from every directory.
     """
+    from swarmer.fault_settings import schedule_of, with_schedule
     from swarmer.shapes.catalogue import load_shape, place_of
     from swarmer.shapes.neighbours import neighbour_plan
 
     technique = find_technique(config.technique)
     cloud = load_shape(config.shape, config.points, config.duplicates, config.seed)
-    config = config.model_copy(update={"shape": place_of(config.shape)})
+    config = with_schedule(config.model_copy(update={"shape": place_of(config.shape)}))
     cloud, dim = dimensioned(config, cloud)
     check_references(config, technique, len(cloud), dim)
     neighbours = neighbour_plan(cloud.points, config.eta, config.neighbours)
@@ -120,7 +125,7 @@ def make_plan(config: RunConfig) -> Plan:
     try_plugins(rules)
     if config.thaw.policy == "corner":
         rules = rules._replace(thaw_corners=corners(cloud))
-    return Plan(config, cloud, neighbours, rules, diagonal)
+    return Plan(config, cloud, neighbours, rules, diagonal, schedule_of(config, cloud.points))
 
 
 def dimensioned(config: RunConfig, cloud: PointCloud) -> tuple[PointCloud, int]:
@@ -256,16 +261,20 @@ def make_rules(config: RunConfig, count: int, dim: int, diagonal: float, techniq
         sensing_samples=c.sensing.samples,
         sensing_average=c.sensing.average,
         sensing_sample_s=c.sensing.sample_ms / 1e3,
-        sender=EndRules(radio.sender_loss, radio.sender_duplicate, radio.sender_reorder, radio.reorder_ms / 1e3),
+        sender=EndRules(
+            radio.sender_loss, radio.sender_duplicate, radio.sender_reorder, radio.reorder_ms / 1e3,
+            burst=radio.burst, burst_loss=radio.burst_loss,
+        ),
         receiver=EndRules(
             radio.receiver_loss, radio.receiver_duplicate, radio.receiver_reorder, radio.reorder_ms / 1e3,
-            radio.delay_ms / 1e3, radio.jitter_ms / 1e3,
+            radio.delay_ms / 1e3, radio.jitter_ms / 1e3, radio.burst, radio.burst_loss,
         ),
         deploy_random=c.deploy.start == "random",
         deploy_shared_error=c.deploy.error == "shared",
         launch_rate=c.deploy.rate_per_s,
         failure_rate=c.failure.rate,
         battery_s=c.failure.battery_s,
+        dead_links=radio.dead_links,
     )  # fmt: skip
 
 

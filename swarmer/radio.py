@@ -5,6 +5,7 @@ Every engine asks these rules; `udp_wrapper` lets the kernel's filter apply the 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import ceil, dist
 from random import Random
 from typing import NamedTuple
@@ -93,12 +94,14 @@ class Grid(NamedTuple):
 class EndRules(NamedTuple):
     """What one end of the radio does to datagrams: probabilities, and emulated seconds."""
 
-    loss: float = 0.0
+    loss: float = 0.0  # of all datagrams in the long run, also where losses come in bursts
     duplicate: float = 0.0
     reorder: float = 0.0  # probability of being held back by `reorder_s`
     reorder_s: float = 0.0
     delay_s: float = 0.0
     jitter_s: float = 0.0  # the delay is off by a time uniform in [-jitter, jitter], never below 0
+    burst: float = 0.0  # datagrams that a burst of losses spans in the mean; 0: each is lost by itself
+    burst_loss: float = 1.0  # probability that a datagram is lost within a burst
 
     @property
     def perfect(self) -> bool:
@@ -113,18 +116,78 @@ class EndRules(NamedTuple):
 LOST: tuple[float, ...] = ()
 
 
-def fate(rules: EndRules, rng: Random) -> tuple[float, ...]:
+def fate(rules: EndRules, rng: Random, loss: float | None = None) -> tuple[float, ...]:
     """After how many emulated seconds each copy of a datagram goes on; empty if it is lost.
 
+    loss: the probability of it at this moment, if that is another than the rules' own.
     Every call draws equally often, so one fault turned on does not change another's draws.
     """
     lost, doubled, held, jitter = rng.random(), rng.random(), rng.random(), rng.uniform(-1.0, 1.0)
-    if lost < rules.loss:
+    if lost < (rules.loss if loss is None else loss):
         return LOST
     delay = max(0.0, rules.delay_s + jitter * rules.jitter_s)
     if held < rules.reorder:
         delay += rules.reorder_s
     return (delay, delay) if doubled < rules.duplicate else (delay,)
+
+
+class Bursts:
+    """Losses that come in bursts: the channel is good or bad, and in the bad state loses most or all of what comes.
+
+    The model of Gilbert (1960) and Elliott (1963): a Markov chain of two states that takes a step with each datagram.
+    """
+
+    __slots__ = ("_bad", "_begins", "_ends", "_loss", "_rng")
+
+    def __init__(self, rules: EndRules, rng: Random) -> None:
+        """Of every datagram `rules.loss` are lost in the long run, in bursts of `rules.burst` datagrams in the mean.
+
+        Where so much is lost that good states would last less than a datagram, the bursts are longer than asked for.
+        """
+        share = (
+            min(1.0, rules.loss / rules.burst_loss) if rules.burst_loss else 0.0
+        )  # of the time that is bad
+        good = (1.0 - share) * max(rules.burst, 1.0)
+        self._begins = 1.0 if share >= good else share / good
+        self._ends = self._begins * (1.0 - share) / share if share else 1.0
+        self._loss, self._rng = rules.burst_loss, rng
+        self._bad = rng.random() < share
+
+    def step(self) -> float:
+        """With what probability the next datagram is lost."""
+        draw = self._rng.random()
+        self._bad = draw >= self._ends if self._bad else draw < self._begins
+        return self._loss if self._bad else 0.0
+
+
+class End:
+    """One end of one FLS's radio: what becomes of one datagram after the other."""
+
+    __slots__ = ("_bursts", "_rng", "_rules")
+
+    def __init__(self, rules: EndRules, stream: Callable[[str], Random], purpose: str) -> None:
+        """stream: makes a generator for each purpose. Bursts draw from one of their own."""
+        self._rules, self._rng = rules, stream(purpose)
+        self._bursts = Bursts(rules, stream(f"{purpose} bursts")) if rules.burst else None
+
+    def copies(self) -> tuple[float, ...]:
+        """As `fate`, of the next datagram."""
+        bursts = self._bursts
+        return fate(self._rules, self._rng, None if bursts is None else bursts.step())
+
+
+def dead_link(seed: int, sender: int, receiver: int, share: float) -> bool:
+    """Nothing that `sender` says ever gets to `receiver`: so it is with `share` of all ordered pairs under a root seed.
+
+    The other way round is another draw, so that some links are one-way.
+    """
+    mixed = (seed * 0x9E3779B97F4A7C15 + (sender << 24 | receiver) * 0xD1342543DE82EF95) & _64_BITS
+    for factor in (0xBF58476D1CE4E5B9, 0x94D049BB133111EB):  # as SplitMix64 ends: every bit depends on all
+        mixed = (mixed ^ mixed >> 30) * factor & _64_BITS
+    return (mixed ^ mixed >> 31) < share * 2.0**64
+
+
+_64_BITS = (1 << 64) - 1
 
 
 class ReplayWindow:

@@ -48,7 +48,7 @@ class Refused(ValueError):
 class Setting:
     """One declaration. `name` is the dotted name, known once the setting stands in its place in RunConfig."""
 
-    kind: str  # number | whole | flag | choice | name | text | positions
+    kind: str  # number | whole | flag | choice | name | text | positions | rows
     default: Any
     help: str
     unit: str = ""
@@ -77,6 +77,8 @@ class Setting:
             return "a text"
         if self.kind == "positions":
             return f"{plain(self.low)} to {plain(self.high)} positions [L, H, D]"
+        if self.kind == "rows":
+            return f"a list of up to {plain(self.high)} mappings"
         if self.kind == "choice":
             return spelled(self.words)
         if self.kind == "name":
@@ -199,6 +201,14 @@ def _position(entry: Any) -> tuple[float, float, float]:
     return (float(entry[0]), float(entry[1]), float(entry[2]))
 
 
+def _check_rows(setting: Setting, value: Any) -> tuple[dict[str, Any], ...]:
+    if not isinstance(value, list | tuple) or not all(isinstance(entry, dict) for entry in value):
+        raise Refused("is not a list of mappings")
+    if not setting.low <= len(value) <= setting.high:
+        raise Refused(f"has {len(value)} entries")
+    return tuple(value)
+
+
 CHECKS = {
     "number": _check_number,
     "whole": _check_number,
@@ -207,6 +217,7 @@ CHECKS = {
     "name": _check_name,
     "text": _check_text,
     "positions": _check_positions,
+    "rows": _check_rows,
 }
 
 
@@ -238,14 +249,19 @@ def named(default: str, words: tuple[str, ...], group: str, help: str) -> Any:
     return _field(Setting("name", default, help, words=words, group=group))
 
 
-def text(default: str, help: str) -> Any:
+def text(default: str | None, help: str, none: str = "") -> Any:
     """A name that something else checks later."""
-    return _field(Setting("text", default, help))
+    return _field(Setting("text", default, help, none=none))
 
 
 def positions(default: tuple[tuple[float, ...], ...], unit: str, low: int, high: int, help: str) -> Any:
     """Between low and high positions."""
     return _field(Setting("positions", default, help, unit, low, high))
+
+
+def rows(low: int, high: int, help: str) -> Any:
+    """Between low and high mappings, of which something else knows more; none by default."""
+    return _field(Setting("rows", (), help, low=low, high=high))
 
 
 def _field(setting: Setting) -> Any:
@@ -344,4 +360,6 @@ def as_yaml(value: Any) -> str:
         return plain(value)
     if isinstance(value, tuple | list):
         return f"[{', '.join(as_yaml(part) for part in value)}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key}: {as_yaml(part)}' for key, part in value.items())}}}"
     return f'"{value}"' if value in ("off", "on") else str(value)

@@ -16,6 +16,7 @@ from swarmer.settings import Setting, did_you_mean
 from swarmer.yaml_file import parse, read_mapping
 
 CHAIN_MAX = 16  # files that extend each other
+LISTED = "schedule"  # what a list stands for, where a group has one
 OF_EXPERIMENTS = {"base", "grid", "blocks"}  # parts of an experiment file, and no settings
 
 
@@ -56,7 +57,9 @@ def flatten(mapping: Mapping[str, Any], known: Iterable[str], source: str) -> di
     for name, value in mapping.items():
         if name in groups and value is None:  # `radio:` with nothing but comments below it
             continue
-        if isinstance(value, dict) and name not in names:
+        if isinstance(value, list) and f"{name}.{LISTED}" in names:  # `faults:` with a list below it
+            inside = {f"{name}.{LISTED}": value}
+        elif isinstance(value, dict) and name not in names:
             inside = {f"{name}.{key}": entry for key, entry in value.items()}
         else:
             inside = {name: value}

@@ -49,6 +49,7 @@ class Life(IntEnum):
     NONE = 0
     READY = 1
     ENDED = 2
+    FAILING = 3  # about to fail, as its failure rate has it
 
 
 class Wire(IntEnum):
@@ -207,6 +208,9 @@ class Slot:
 
     def live(self, life: Life) -> None:
         self._map[self._at + LIFE_AT] = life
+
+    def life(self) -> int:
+        return self._map[self._at + LIFE_AT]
 
     def publish(self, row: Row) -> None:
         """Show `row` to whoever looks: odd while it is being written."""

@@ -94,6 +94,11 @@ def good_values(fact: Setting) -> st.SearchStrategy:
         values = st.booleans()
     elif fact.kind == "text":
         values = st.text("abcxyz019./_- é", min_size=1).filter(str.strip)
+    elif fact.kind == "rows":
+        plain = st.none() | st.booleans() | st.integers() | st.floats(-1e9, 1e9) | st.text("abc:{} é")
+        values = st.lists(
+            st.dictionaries(st.text("abc", min_size=1), plain | st.lists(plain, max_size=3)), max_size=3
+        )
     else:
         values = st.lists(st.lists(st.floats(-100, 100), min_size=3, max_size=3), min_size=1, max_size=16)
     return values | st.none() if fact.none else values
@@ -124,11 +129,11 @@ def bad_values(fact: Setting) -> st.SearchStrategy:
     if fact.kind == "flag":
         return wrong | st.sampled_from([0, 1, "true", "on", 0.0])
     if fact.kind == "text":
-        return (
-            st.none()
-            | st.integers()
-            | st.booleans()
-            | st.sampled_from(["", " ", "a\0b", "a\nb", "x" * 5000, []])
+        texts = st.integers() | st.booleans() | st.sampled_from(["", " ", "a\0b", "a\nb", "x" * 5000, []])
+        return texts if fact.none else texts | st.none()
+    if fact.kind == "rows":
+        return wrong.filter(lambda value: value != []) | st.sampled_from(
+            [[3], ["kill"], [{}, None], [{}] * 10_001]
         )
     return wrong | st.sampled_from(
         [[[0, 0]], [[0, 0, "x"]], [[0, 0, math.nan]], [[0, 0, 0]] * 17, [0, 0, 0], 5]

@@ -1,6 +1,7 @@
 """The radio's rules: who hears a datagram, what becomes of it on the way, and that none is taken twice."""
 
 from collections import Counter
+from itertools import pairwise
 from random import Random
 
 import pytest
@@ -8,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmer.messages import NO_SWARM, Kind, Message, Stamp, Swarm, To
-from swarmer.radio import LOST, Ears, EndRules, Grid, ReplayWindow, fate, heard
+from swarmer.radio import LOST, Ears, End, EndRules, Grid, ReplayWindow, dead_link, fate, heard
+from swarmer.streams import stream
 
 # -- fate ------------------------------------------------------------------------------------------------------------
 
@@ -75,6 +77,61 @@ def test_a_perfect_end_says_so():
     assert EndRules().perfect
     for name in ("loss", "duplicate", "reorder", "delay_s", "jitter_s"):
         assert not EndRules(**{name: 0.1}).perfect
+
+
+# -- bursts and dead links ---------------------------------------------------------------------------------------------
+
+
+def losses(rules, count=40_000, seed=1):
+    """Which of so many datagrams are lost."""
+    end = End(rules, lambda purpose: stream(seed, purpose), "sender")
+    return [end.copies() == LOST for _ in range(count)]
+
+
+def runs_of(lost):
+    """How long each run of losses was."""
+    text = "".join("x" if one else "." for one in lost)
+    return [len(run) for run in text.split(".") if run]
+
+
+@pytest.mark.parametrize(("loss", "burst"), [(0.05, 4), (0.3, 10), (0.6, 3), (0.9, 1), (1.0, 5), (0.0, 5)])
+def test_bursts_lose_as_much_in_the_long_run_and_in_longer_runs(loss, burst):
+    lost = losses(EndRules(loss=loss, burst=burst))
+    assert sum(lost) / len(lost) == pytest.approx(loss, abs=0.03)
+    if 0.0 < loss < 0.5:
+        runs = runs_of(lost)
+        assert sum(runs) / len(runs) == pytest.approx(burst, rel=0.1)
+        alone = runs_of(losses(EndRules(loss=loss)))
+        assert sum(alone) / len(alone) < 1.6
+
+
+def test_within_a_burst_some_may_get_through():
+    lost = losses(EndRules(loss=0.2, burst=20, burst_loss=0.5))
+    assert sum(lost) / len(lost) == pytest.approx(0.2, abs=0.02)
+    # Of two datagrams in a row the second is lost half the time if the first was: the burst goes on.
+    after = [second for first, second in pairwise(lost) if first]
+    assert sum(after) / len(after) == pytest.approx(0.5 * 0.95 + 0.05 * 0.2, abs=0.03)
+
+
+def test_bursts_change_nothing_else():
+    rules = EndRules(duplicate=0.3, reorder=0.3, reorder_s=0.01, loss=0.2)
+    ends = [End(one, lambda purpose: stream(1, purpose), "x") for one in (rules, rules._replace(burst=8))]
+    plain, bursty = ([end.copies() for _ in range(2000)] for end in ends)
+    both = [(one, two) for one, two in zip(plain, bursty, strict=True) if LOST not in (one, two)]
+    assert len(both) > 1000
+    assert all(one == two for one, two in both)
+
+
+def test_a_share_of_links_is_dead_each_direction_by_itself():
+    pairs = [(a, b) for a in range(1, 61) for b in range(1, 61) if a != b]
+    dead = {pair for pair in pairs if dead_link(7, *pair, 0.2)}
+    assert len(dead) / len(pairs) == pytest.approx(0.2, abs=0.02)
+    both = sum((b, a) in dead for a, b in dead)
+    assert both / len(dead) == pytest.approx(0.2, abs=0.05), "one direction tells nothing of the other"
+    assert dead < {pair for pair in pairs if dead_link(7, *pair, 0.4)}, "more of them, and the same ones"
+    assert dead != {pair for pair in pairs if dead_link(8, *pair, 0.2)}
+    assert not any(dead_link(7, *pair, 0.0) for pair in pairs)
+    assert all(dead_link(7, *pair, 1.0) for pair in pairs)
 
 
 # -- the replay window -----------------------------------------------------------------------------------------------

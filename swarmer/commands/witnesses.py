@@ -48,4 +48,4 @@ def make_checks(plan: Plan, check: bool) -> list[Witness]:
         return []
     from swarmer.observe.invariants import Checks
 
-    return [Checks(plan)]
+    return [Checks(plan, plan.faults)]

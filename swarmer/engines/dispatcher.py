@@ -24,18 +24,25 @@ import time
 import traceback
 from typing import Any
 
+from swarmer.engines.fault_events import event_of
+from swarmer.engines.process_faults import Hand
 from swarmer.engines.specs import fls_spec, run_spec
 from swarmer.engines.warm_up import SPECIALISE, TOUCH, warm_up
 from swarmer.errors import PluginFailed
-from swarmer.fls import FlsSpec
+from swarmer.faults import Turn
+from swarmer.fls import NEVER, FlsSpec
 from swarmer.fls_loops import LOOPS
-from swarmer.fls_process import DEPARTED_EXIT, FAILED_EXIT, PLUGIN_EXIT, Fls, RunSpec
+from swarmer.fls_process import DEPARTED_EXIT, PLUGIN_EXIT, Fls, RunSpec
+from swarmer.radio_faults import part_of
 from swarmer.telemetry import Clock, Life, Phase, SharedMemory, Slot
 
 PR_SET_PDEATHSIG = 1
 STOP_GRACE_S = 2.0  # an FLS that has not ended by itself after this is killed
 FORKS_AT_ONCE = 16  # then the control socket is looked at
 WORDS_LENGTH = 1000
+FAULTS_EVERY_S = (
+    0.05  # wall seconds: how long a change of phase or scale may stay unnoticed while faults are to come
+)
 
 
 class Dispatcher:
@@ -51,6 +58,8 @@ class Dispatcher:
         self.shared = SharedMemory(self.run.rules.count, memory_fd)
         self.clock = Clock(self.shared)
         self.children: dict[int, int] = {}  # pid -> FID
+        self.pids: dict[int, int] = {}  # FID -> pid
+        self.hand = Hand(self.run.faults, self.run.seed, self.pids, self.shared.directory(), self._tell_turn)
         self._libc = ctypes.CDLL(None, use_errno=True)
         self._wake_r, self._wake_w = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._words_r, self._words_w = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)  # the last words of an FLS
@@ -69,6 +78,8 @@ class Dispatcher:
         except PluginFailed as failure:
             self._tell("plugin_failed", text=str(failure))
             return
+        for fault in self.run.faults.of_the_air():
+            part_of(fault.where)  # once for all that are forked
         gc.collect()
         gc.freeze()
         with selectors.DefaultSelector() as selector:
@@ -80,7 +91,9 @@ class Dispatcher:
                         return
                 if b"\n" in self._unread and not self._command():
                     return
-                for key, _ in selector.select(0 if waiting else None):
+                if not self._strike():
+                    return
+                for key, _ in selector.select(0 if waiting else self._patience_s()):
                     if key.data == "child":
                         os.read(self._wake_r, 65536)
                         self._reap()
@@ -105,6 +118,25 @@ class Dispatcher:
         line = self._line()
         return bool(line) and json.loads(line).get("command") != "stop"
 
+    def _strike(self) -> bool:
+        """Do what the fault schedule has for now; False if a replacement cannot be launched."""
+        if self.hand.due_s() == NEVER:
+            return True
+        now = self.clock.now()
+        if self.clock.phase == Phase.GO and self.hand.due_s() <= now:
+            launched = [self._replace(fid) for fid in self.hand.act(now, self.clock.scale)]
+            return all(launched)
+        return True
+
+    def _patience_s(self) -> float | None:
+        """Wall seconds until there may be something to do by itself; None: never."""
+        due_s = self.hand.due_s()
+        if due_s == NEVER:
+            return None
+        if self.clock.phase != Phase.GO:
+            return FAULTS_EVERY_S
+        return min(max(self.clock.wall_until(due_s), 0.0), FAULTS_EVERY_S)
+
     def _launch(self, spec: FlsSpec) -> bool:
         try:
             pid = os.fork()
@@ -114,6 +146,7 @@ class Dispatcher:
         if pid == 0:
             self._become(spec)
         self.children[pid] = spec.fid
+        self.pids[spec.fid] = pid
         return True
 
     def _become(self, spec: FlsSpec) -> None:
@@ -148,29 +181,43 @@ class Dispatcher:
                 return
             if pid == 0:
                 return
-            self._ended(self.children.pop(pid), os.waitstatus_to_exitcode(status))
+            fid = self.children.pop(pid)
+            del self.pids[fid]
+            self._ended(fid, pid, os.waitstatus_to_exitcode(status))
 
-    def _ended(self, fid: int, code: int) -> None:
+    def _ended(self, fid: int, pid: int, code: int) -> None:
         self.clock.refresh()
         if self.clock.phase == Phase.STOP:
             return
-        Slot(self.shared, fid).live(Life.ENDED)
+        slot = Slot(self.shared, fid)
+        failed = pid in self.hand.struck or slot.life() == Life.FAILING
+        slot.live(Life.ENDED)
+        self.shared.directory()[fid - 1] = 0  # nobody listens there any more
         if code == PLUGIN_EXIT:
             with contextlib.suppress(BlockingIOError):  # another's words have been read with the first one's
                 words = os.read(self._words_r, 65536).decode(errors="replace")
                 self._tell("plugin_failed", text=words.partition("\n")[0])
             return
-        kind = {FAILED_EXIT: "failed", DEPARTED_EXIT: "departed"}.get(code, "died")
+        kind = "failed" if failed else "departed" if code == DEPARTED_EXIT else "died"
         self._tell(kind, fid=fid, code=code, t_s=self.clock.now())
-        if self.replace and self.clock.phase == Phase.GO:
-            old = self.specs[fid]
-            self.specs[fid] = old._replace(incarnation=old.incarnation + 1, launch_at_s=self.clock.now())
-            if self._launch(self.specs[fid]):
-                self._tell("replaced", fid=fid, incarnation=old.incarnation + 1, t_s=self.clock.now())
+        if (self.replace and fid not in self.hand.dark) or self.hand.calm:
+            self._replace(fid)
+
+    def _replace(self, fid: int) -> bool:
+        """Launch the successor of an FLS that has gone dark; False if that cannot be."""
+        if self.clock.phase != Phase.GO:
+            return True
+        old = self.specs[fid]
+        self.specs[fid] = old._replace(incarnation=old.incarnation + 1, launch_at_s=self.clock.now())
+        if not self._launch(self.specs[fid]):
+            return False
+        self._tell("replaced", fid=fid, incarnation=old.incarnation + 1, t_s=self.clock.now())
+        return True
 
     def end(self) -> None:
         """End every FLS: they are asked by the control page, then killed. Returns when none is left."""
         self.clock.set(Phase.STOP, self.clock.scale)
+        self.hand.let_go()
         deadline = time.monotonic() + STOP_GRACE_S
         while self.children and time.monotonic() < deadline:
             self._reap()
@@ -181,6 +228,10 @@ class Dispatcher:
             pid, _ = os.waitpid(-1, 0)
             self.children.pop(pid, None)
         self._tell("ended")
+
+    def _tell_turn(self, turn: Turn) -> None:
+        told = event_of(turn)
+        self._tell(told.kind, fid=told.fid, text=told.text, t_s=self.clock.now())
 
     def _tell(self, event: str, **facts: Any) -> None:
         try:

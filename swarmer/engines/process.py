@@ -275,6 +275,9 @@ class _Run:
             self._fail("the dispatcher process died")
 
     def _happened(self, kind: str, event: dict[str, Any]) -> None:
+        if kind == "fault":
+            self.observer.event(Event(event["t_s"], kind, event["fid"], event["text"]))
+            return
         self.events[kind] += 1
         fid, t_s = event["fid"], max(event["t_s"], 0.0)
         if kind == "replaced":
@@ -293,6 +296,8 @@ class _Run:
 
     def _look(self) -> bool:
         sample = self.reader.sample()
+        if self.plan.faults.calm_s is not None and sample.t_s >= self.plan.faults.calm_s:
+            self.thaws.stop()
         self._watch_thaws(sample)
         self.tally.add(sample)
         self.result.emulated_s = sample.t_s

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
+from swarmer.faults import from_data as faults_from_data
+from swarmer.faults import to_data
 from swarmer.fls import FlsSpec
 from swarmer.fls_process import RunSpec
 from swarmer.plan import as_data, from_data
@@ -39,6 +41,7 @@ def setup(plan: Plan, run: int, port: int, key: bytes) -> dict[str, Any]:
         "loop": config.fls_loop,
         "cpus": cpus,
     }
+    common["faults"] = to_data(plan.faults)
     return {"run": common, "fls": fls_rows(plan), "replace": config.failure.replace}
 
 
@@ -94,6 +97,7 @@ def run_spec(data: dict[str, Any]) -> RunSpec:
         steps_per_cell=data["steps_per_cell"],
         loop=data["loop"],
         cpus=tuple(data["cpus"]),
+        faults=faults_from_data(data["faults"], data["rules"]["count"]),
     )
 
 

@@ -57,9 +57,10 @@ class VirtualEngine:
 
     name = "virtual"
 
-    def __init__(self, plan: Plan, witnesses: Sequence[Witness] = (), faults: Schedule = NO_FAULTS) -> None:
-        """witnesses: told of every event, in this order. faults: what goes wrong besides what the settings say."""
-        self.plan, self.witnesses, self.faults = plan, tuple(witnesses), faults
+    def __init__(self, plan: Plan, witnesses: Sequence[Witness] = (), faults: Schedule | None = None) -> None:
+        """witnesses: told of every event, in this order. faults: in place of those of the plan."""
+        self.plan, self.witnesses = plan, tuple(witnesses)
+        self.faults = plan.faults if faults is None else faults
 
     def __enter__(self) -> Self:
         return self
@@ -85,7 +86,7 @@ class _Run:
         self.shared = Shared(
             plan.config.seed, plan.rules, self.agenda, self.air, self._ended, virtual.handling_ms / 1e3,
             [0] * COUNTERS, [0] * BUCKETS, [0] * BUCKETS, witness_of(witnesses), self._thaw_begins,
-            array("Q", bytes(16 * (plan.size + 1))),
+            array("Q", bytes(16 * (plan.size + 1))), faults,
         )  # fmt: skip
         self.witnesses = witnesses
         self.weather = Weather(self, faults) if faults != NO_FAULTS else None

@@ -1,7 +1,8 @@
-"""A fault schedule carried out in virtual time (`swarmer.faults`): who is dark, hangs, is late or is cut off.
+"""A fault schedule carried out in virtual time (`swarmer.faults`): who is dark, hangs or is late.
 
-Only a run with a schedule has any of this: its FLSs are of a class that asks their mood first. Where a schedule begins
-nothing else changes, so a run is the same until its first fault.
+What happens on the air and to sensors every FLS knows by itself, in every engine (`radio_faults`). Only a run with a
+schedule has any of this: its FLSs are of a class that asks their mood first. Where a schedule begins nothing else
+changes, so a run is the same until its first fault.
 """
 
 from __future__ import annotations
@@ -9,20 +10,18 @@ from __future__ import annotations
 from random import Random
 from typing import TYPE_CHECKING, Protocol
 
+from swarmer.engines.fault_events import event_of
 from swarmer.engines.virtual_fls import FAILED, Shared, VirtualFls
 from swarmer.engines.virtual_time import DATAGRAM, FREE, HELD, TURN, Agenda
-from swarmer.fls import BATTERY, FAILURE, NEVER, BaseFls, FlsSpec
-from swarmer.messages import ENGINE_FID, Message, Stamp
-from swarmer.protocol.events import Timer
-from swarmer.protocol.thaw import Never
+from swarmer.fls import FAILURE, NEVER, BaseFls, FlsSpec
+from swarmer.fls_calm import calm_down
+from swarmer.messages import Message, Stamp
 from swarmer.streams import stream
-from swarmer.telemetry import Wire
 
 if TYPE_CHECKING:
+    from swarmer.engines.result import Observer
     from swarmer.engines.thaws import ThawWatch
-    from swarmer.faults import Fault, Schedule
-
-_LOST_RECEIVER = int(Wire.LOST_RECEIVER)
+    from swarmer.faults import Fault, Schedule, Turn
 
 
 class Sky(Protocol):
@@ -31,6 +30,7 @@ class Sky(Protocol):
     agenda: Agenda
     flss: list[VirtualFls]
     thaws: ThawWatch
+    observer: Observer
 
     def replace(self, fid: int) -> None: ...
 
@@ -44,45 +44,47 @@ class Weather:
         self._run, self._schedule = run, schedule
         self._hung: dict[int, float] = {}  # FID -> until when
         self._slow: dict[int, list[float]] = {}  # FID -> how late, of each fault that holds
-        self._cuts: list[tuple[frozenset[int], str]] = []
+        self._struck: dict[Fault, tuple[int, ...]] = {}  # whom a fault struck that names a swarm
 
     def begin(self) -> None:
-        """Put down every beginning and end; of those at one moment, ends come first."""
-        agenda, schedule = self._run.agenda, self._schedule
-        calm_s = NEVER if schedule.calm_s is None else schedule.calm_s
-        faults = [fault for fault in schedule.faults if fault.at_s < calm_s]
-        turns = [(fault.at_s, 1, number, fault) for number, fault in enumerate(faults)]
-        turns += [(min(fault.ends_s, calm_s), 0, number, fault) for number, fault in enumerate(faults)]
-        for at_s, begins, _, fault in sorted(turns):
-            if at_s < NEVER:
-                agenda.put(at_s, TURN, _ALWAYS, (fault, bool(begins)))
-        if calm_s < NEVER:
-            agenda.put(calm_s, TURN, _ALWAYS, (None, True))
+        """Put down every beginning and end."""
+        for turn in self._schedule.turns():
+            self._run.agenda.put(turn.at_s, TURN, _ALWAYS, turn)
 
     def make(self, shared: Shared, spec: FlsSpec) -> VirtualFls:
         """A new FLS of this run."""
         fls = StormyFls(shared, spec, Mood(self, shared.seed, spec))
         if self.calm:
-            fls.calm_down()
+            calm_down(fls)
         return fls
 
-    def turn(self, what: tuple[Fault | None, bool]) -> None:
-        """A fault begins or ends; or, without one, all is well from now on."""
-        fault, begins = what
-        if fault is None:
+    def turn(self, turn: Turn) -> None:
+        """A fault begins or ends, or the calm begins."""
+        self._run.observer.event(event_of(turn))
+        if turn.fault is None:
             self._calm_down()
-        elif fault.what == "kill":
+            return
+        fault, begins = self._located(turn.fault, turn.begins), turn.begins
+        if fault.what == "kill":
             self._kill(fault) if begins else self._replace(fault)
-        elif fault.what == "hang":
-            if begins:
-                self._hang(fault)
+        elif fault.what == "hang" and begins:
+            self._hang(fault)
         elif fault.what == "slow":
             for fid in fault.where:
                 held = self._slow.setdefault(fid, [])
                 held.append(fault.late_s) if begins else held.remove(fault.late_s)
-        else:
-            part = (frozenset(fault.where), fault.way)
-            self._cuts.append(part) if begins else self._cuts.remove(part)
+
+    def _located(self, fault: Fault, begins: bool) -> Fault:
+        """With the FIDs of the swarm that it names, as they are when it begins."""
+        if not fault.swarm_of:
+            return fault
+        if begins:
+            flss = self._run.flss
+            swarm = flss[fault.swarm_of - 1].ears.swarm
+            members = [fls.fid for fls in flss if fls.lit and fls.ears.swarm == swarm]
+            self._struck[fault] = tuple(members)
+            return fault._replace(where=tuple(members))
+        return fault._replace(where=self._struck.pop(fault, ()))
 
     def _kill(self, fault: Fault) -> None:
         for fid in fault.where:
@@ -110,9 +112,8 @@ class Weather:
         self._run.thaws.stop()
         self.dark.clear()
         for fls in list(self._run.flss):
-            assert isinstance(fls, StormyFls)
             if fls.alive:
-                fls.calm_down()
+                calm_down(fls)
             else:
                 self._run.replace(fls.fid)
 
@@ -125,13 +126,6 @@ class Weather:
     def late_s(self, fid: int) -> float:
         """How late this FLS may be now."""
         return sum(self._slow.get(fid, ()))
-
-    def cut(self, sender: int, fid: int) -> bool:
-        """A datagram from `sender` does not get to `fid`. What the engine says always does."""
-        for part, way in self._cuts:
-            if (sender in part) != (fid in part) and way != ("in" if sender in part else "out"):
-                return sender != ENGINE_FID
-        return False
 
 
 class Mood:
@@ -184,16 +178,13 @@ class StormyFls(VirtualFls):
         self.tuned_at = NEVER
 
     def hear(self, message: Message, stamp: Stamp) -> None:
-        """A datagram comes to the border of a cut, and to a process that may hang or be slow."""
-        mood, now = self.mood, self._agenda.now
-        weather = mood.weather
-        if weather.cut(message.sender, self.fid):
-            self.network_counts[_LOST_RECEIVER] += 1
-            self.tell_fate(message, stamp, "lost")
-            return
-        late = weather.late_s(self.fid)
+        """A datagram comes to a process that may hang or be slow."""
+        mood = self.mood
+        late = mood.weather.late_s(self.fid)
         if late > 0.0:
-            self._agenda.put(now + mood.rng.uniform(0.0, late), DATAGRAM, mood.late, message, stamp)
+            self._agenda.put(
+                self._agenda.now + mood.rng.uniform(0.0, late), DATAGRAM, mood.late, message, stamp
+            )
         else:
             self.hear_late(message, stamp)
 
@@ -239,13 +230,6 @@ class StormyFls(VirtualFls):
     def die(self) -> None:
         """Fail, as a schedule has it."""
         self.end(FAILED)
-
-    def calm_down(self) -> None:
-        """From now on nothing goes wrong with this FLS, and it thaws nobody."""
-        self._sender_rng = self._receiver_rng = None
-        self.machine.thaw_policy = Never()
-        for what in (int(Timer.THAW), int(Timer.REPORT), FAILURE, BATTERY):
-            self.due[what] = NEVER
 
     def wake(self) -> None:
         """A handler that hangs goes on later."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from swarmer.engines.result import Witness
 from swarmer.engines.virtual_radio import RUN, Air
 from swarmer.engines.virtual_time import FREE, HELD, OUTGOING, Agenda
+from swarmer.faults import NO_FAULTS, Schedule
 from swarmer.fls import DEPARTED, DUE, FAILED, FAILURE, LANDING, NEVER, PRIORITY, REFUSED, BaseFls, FlsSpec
 from swarmer.messages import ZERO, Message, Stamp, Swarm
 from swarmer.metrics.lateness import bucket
@@ -51,6 +52,7 @@ class Shared:
         None
     )  # told when one begins a thaw
     flown: array[int] | None = None  # by FID, two places each, microcells: localizing, following
+    faults: Schedule = NO_FAULTS
 
 
 class VirtualFls(BaseFls):
@@ -69,14 +71,16 @@ class VirtualFls(BaseFls):
         self._half_window_s = (
             -NEVER
         )  # when it sent the last datagram whose number is a multiple of HALF_WINDOW
-        super().__init__(RUN, shared.seed, shared.rules, spec, shared.counts, shared.counts, shared.witness)
+        super().__init__(
+            RUN, shared.seed, shared.rules, spec, shared.counts, shared.counts, shared.witness, shared.faults
+        )
         self._latency_rng = self.own_stream("latency")
         self._noted = [NEVER] * len(
             self.due
         )  # when the agenda will look at it, which may be before it is due
         # Which of the air's tunings was its last: a datagram that is older may not be for it any more. NEVER where more
         # than its swarm decides whether it hears, or somebody watches.
-        plain = self._receiver_rng is None and self.witness is None and not self._range_estimated
+        plain = self._ends.plain_in and self.witness is None and not self._range_estimated
         self.tuned_at = 0.0 if plain else NEVER
         self._air.join(self, spec)
         if self.witness is not None:

@@ -132,6 +132,7 @@ class Facts:
     calm_s: float | None = None  # since when all is well, if there is such a moment
     replaced: bool = False  # some FLS has had a successor
     lives: list[Life | None] = field(default_factory=list)  # by FID: the present incarnation
+    misled: frozenset[int] = frozenset()  # FIDs whose sensor the schedule spoils
     single_s: float | None = None  # when, all well, all were first one swarm
 
     def late_s(self, life: Life) -> float:

@@ -76,7 +76,10 @@ class Checks(Witness):
         schedule = schedule or NO_FAULTS
         tau = [schedule.late_s(fid) for fid in range(plan.size + 1)]
         handling_s = plan.config.virtual.handling_ms / 1e3
-        self.facts = Facts(plan, plan.rules, tau, handling_s, schedule.calm_s, lives=[None] * (plan.size + 1))
+        self.facts = Facts(
+            plan, plan.rules, tau, handling_s, schedule.calm_s, lives=[None] * (plan.size + 1),
+            misled=frozenset(fid for fid in range(1, plan.size + 1) if schedule.of_sensors(fid)),
+        )  # fmt: skip
         self.invariants = tuple(kind(self.facts) for kind in INVARIANTS)
         self.broken: Broken | None = None
         self.events = 0

@@ -85,7 +85,7 @@ class Localizing(Invariant):
             return f"flies {len(flies)} times and tells its swarm {[Kind(kind).name for kind in merges]}"
         if m.swarm != anchor.swarm:
             return f"is in {m.swarm}, and its anchor was in {anchor.swarm}"
-        if was.origin is None or not self._plain:
+        if was.origin is None or not self._plain or was.fid in self.facts.misled:
             return None
         x, off = was.fls.position(), self._sensor_bound
         true = [there - here for there, here in zip(was.origin, x, strict=True)]
