@@ -191,6 +191,9 @@ class Failure(Group):
 
     rate: float = number(0, "1/s", 0, 10, "how often each FLS fails")
     replace: bool = flag(True, "launch a replacement from a dispatcher")
+    hang_s: float = number(
+        0, "s", 0, FAR, "an FLS that shows no sign of life for so long is ended and replaced; 0 never is"
+    )
     battery_s: float = number(0, "s", 0, FAR, "flying time of a battery; 0 lasts for ever")
 
 

@@ -101,7 +101,7 @@ class Schedule(NamedTuple):
         """The most that the schedule may delay what reaches an FLS."""
         late = 0.0
         for fault in self.faults:
-            if (fid in fault.where or fault.swarm_of) and fault.what in ("hang", "slow"):
+            if fault.what in ("hang", "slow") and (fid in fault.where or fault.swarm_of):
                 late += fault.late_s if fault.what == "slow" else self.length_s(fault)
         return late
 
@@ -123,6 +123,14 @@ class Schedule(NamedTuple):
             order.append((end_s, 0 if end_s > fault.at_s else 2, number, fault))
         turns = [Turn(at_s, what == 1, fault) for at_s, what, _, fault in sorted(order, key=_moment)]
         return [turn for turn in (*turns, Turn(calm_s, True, None)) if turn.at_s < math.inf]
+
+    def slows(self, fid: int) -> tuple[tuple[float, float], ...]:
+        """From when until when the schedule may keep an FLS from what it has to do."""
+        return tuple(
+            (fault.at_s, fault.at_s + self.length_s(fault))
+            for fault in self.faults
+            if fault.what in ("hang", "slow") and (fid in fault.where or fault.swarm_of)
+        )
 
     def of_the_air(self) -> tuple[Fault, ...]:
         return tuple(fault for fault in self.faults if fault.what in ON_THE_AIR)

@@ -66,6 +66,7 @@ class RunSpec(NamedTuple):
     loop: str
     cpus: tuple[int, ...]  # cores to pin to, by turns; empty: do not pin
     faults: Schedule = NO_FAULTS
+    hang_s: float = 0.0  # emulated seconds without a sign of life until an FLS is given up; 0: never
 
 
 class Fls(BaseFls):
@@ -91,6 +92,8 @@ class Fls(BaseFls):
         self._shown: tuple[State, Swarm, int, Flight] | None = None
         self._began, self._thawed = Began.ANOTHER, NOTHING_LEFT
         self.exit_status: int | None = None
+        self._slows = run.faults.slows(spec.fid)
+        self._watched = run.hang_s > 0
         self._calm_s = NEVER if run.faults.calm_s is None else run.faults.calm_s
         self.begin()
 
@@ -170,6 +173,8 @@ class Fls(BaseFls):
     def step(self) -> bool:
         """Handle the one thing that is most urgent, while the run runs; False if there is nothing to do now."""
         now = self.clock.now()
+        if self._watched:
+            self.slot.beat()
         if self.clock.phase == _GO:
             if now >= self._calm_s:
                 self._calm_s = NEVER
@@ -184,10 +189,17 @@ class Fls(BaseFls):
         self.due[what] = at_s
 
     def taken_up(self, late_s: float) -> None:
-        self.slot.handled_late(late_s * 1e3)
+        if not self._slows or not self._by_a_fault(late_s):
+            self.slot.handled_late(late_s * 1e3)
 
     def timer_taken_up(self, late_s: float) -> None:
-        self.slot.timer_late(late_s * 1e3)
+        if not self._slows or not self._by_a_fault(late_s):
+            self.slot.timer_late(late_s * 1e3)
+
+    def _by_a_fault(self, late_s: float) -> bool:
+        """What a schedule delays on purpose is not lateness: or the run would be slowed down for it, in vain."""
+        now = self.clock.now()
+        return any(begins_s <= now and now - late_s <= ends_s for begins_s, ends_s in self._slows)
 
     def perform(self, actions: list[Action], now: float) -> None:
         """What the machine wants done, and show what came of it."""

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
 
 # Nothing else: until `at_once` is called a Ctrl-C is a traceback.
 
@@ -34,6 +37,48 @@ class ends_at_once:
 
     def __exit__(self, *_: object) -> None:
         in_order()
+
+
+# What ends a run in good order: Ctrl-C, `kill`, a terminal that is closed (elsewhere than on Unix there is no such).
+ENDINGS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
+def heeded(number: int) -> bool:
+    """False if a run must stay deaf to this signal, as under `nohup`; a sweep's worker leaves Ctrl-C to its run."""
+    return number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN
+
+
+@contextmanager
+def endings_wait() -> Iterator[Callable[[], None]]:
+    """Within the block every ending waits until what the block gives is called; then it is a KeyboardInterrupt.
+
+    So what must not be left half-done can be begun and given into the hands of whoever finishes it.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield lambda: None
+        return
+    for number in ENDINGS:
+        if number != signal.SIGINT and heeded(number):
+            signal.signal(number, _as_ctrl_c)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDINGS)
+
+    def let_them_come() -> None:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+    try:
+        yield let_them_come
+    finally:
+        let_them_come()
+
+
+def endings_over() -> None:
+    """From here on nothing cuts off what is left to be written down."""
+    for number in ENDINGS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+def _as_ctrl_c(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
 
 
 def _end(*_: object) -> None:

@@ -30,6 +30,7 @@ CONTROL = struct.Struct("=IIddd")  # sequence, phase, wall_ref, emulated_ref, sc
 KINEMATICS = struct.Struct("=IIIHBBB3x3d3dddIIHBxd")  # after the sequence number; see Row, its Thawed last
 SEQUENCE = struct.Struct("=I")
 LIFE_AT = 4  # one byte, written alone
+BEAT_AT = 5  # one more
 KINEMATICS_AT = 8
 COUNTERS_AT = 128
 ALIGNED = 128  # what the sequence lock guards fits in, so it never crosses a page: copies go page by page
@@ -211,6 +212,15 @@ class Slot:
 
     def life(self) -> int:
         return self._map[self._at + LIFE_AT]
+
+    def beat(self) -> None:
+        """Show that the process still runs."""
+        at = self._at + BEAT_AT
+        self._map[at] = (self._map[at] + 1) & 0xFF
+
+    def beats(self) -> int:
+        """How often it has, modulo 256."""
+        return self._map[self._at + BEAT_AT]
 
     def publish(self, row: Row) -> None:
         """Show `row` to whoever looks: odd while it is being written."""

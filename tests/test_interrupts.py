@@ -75,3 +75,46 @@ def test_afterwards_and_where_others_listen_nothing_is_changed():
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_what_must_not_be_left_half_done_is_not(number):
+    """An ending waits until there is somebody to finish what was begun."""
+    code = f"""
+import os
+from swarmer.interrupts import endings_wait, endings_over
+with endings_wait() as let_them_come:
+    os.kill(os.getpid(), {int(number)})
+    print("begun")
+    try:
+        let_them_come()
+        print("not reached")
+    except KeyboardInterrupt:
+        endings_over()
+        os.kill(os.getpid(), {int(number)})
+        print("written")
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, preexec_fn=hearing)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "begun\nwritten\n", "")
+
+
+def hearing():
+    """As a terminal has it, and not as a job in the background."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
+def test_who_is_deaf_to_hanging_up_stays_so():
+    code = """
+import os, signal
+from swarmer.interrupts import endings_wait
+with endings_wait() as let_them_come:
+    os.kill(os.getpid(), signal.SIGHUP)
+    let_them_come()
+print("alive")
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN),
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (0, "alive\n")

@@ -7,8 +7,8 @@ two. Everything else is imported once there is something to run.
 from __future__ import annotations
 
 import json
-import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ import click
 
 from swarmer.commands.witnesses import EVERYBODY, make_checks, make_tracer, refuse_witnesses
 from swarmer.errors import BadInput, RunFailed
-from swarmer.interrupts import INTERRUPTED, ends_at_once
+from swarmer.interrupts import INTERRUPTED, endings_over, endings_wait, ends_at_once
 
 if TYPE_CHECKING:
     from swarmer.config import RunConfig
@@ -143,33 +143,43 @@ def run(
             from swarmer.observe.recording import import_rerun
 
             import_rerun()
-    with ready as engine:
+    with ready as engine, endings_wait() as let_endings_come:
         directory = RunDirectory.create(out, config.shape, config.seed, sys.argv)
-        tell_plan(plan)
-        for line in config.ignored(preset(source)):
-            click.echo(f"note: {line}", err=True)
-        tell_changed_shape(plan, source)
         collector = Collector(directory, Panel(), live)
         if tracer:
             tracer.open(directory.stream(TRACE))
-        result = play(engine, collector)
+
+        def begin() -> None:
+            let_endings_come()
+            tell_plan(plan)
+            for line in config.ignored(preset(source)):
+                click.echo(f"note: {line}", err=True)
+            tell_changed_shape(plan, source)
+
+        result = play(engine, collector, begin)
         if tracer:
             tracer.close(result)
-    # From here on all that is left is writing down what there is; another Ctrl-C must not cut it off.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     summary = collector.finish(result)
     return close(summary, directory.path, as_json, collector)
 
 
-def play(engine: Any, collector: Collector) -> RunResult:
-    """Run the engine; whatever ends it early becomes a result, so that what there is gets written."""
+def play(engine: Any, collector: Collector, begin: Callable[[], None]) -> RunResult:
+    """Run the engine; whatever ends it early becomes a result, so that what there is gets written.
+
+    From here on all that is left is writing that down, and another Ctrl-C does not cut it off.
+    begin: what comes before, and may be cut off as well.
+    """
     from swarmer.engines.result import RunResult
 
     try:
+        begin()
         result: RunResult = engine.run(collector)
+        endings_over()
     except KeyboardInterrupt:
+        endings_over()
         return RunResult(engine.name, "interrupted", 0.0, 0.0)
     except RunFailed as failure:
+        endings_over()
         return RunResult(engine.name, "failed", 0.0, 0.0, message=str(failure))
     return result
 

@@ -25,7 +25,7 @@ import traceback
 from typing import Any
 
 from swarmer.engines.fault_events import event_of
-from swarmer.engines.process_faults import Hand
+from swarmer.engines.process_faults import BEATS_EVERY_S, Hand, Watch
 from swarmer.engines.specs import fls_spec, run_spec
 from swarmer.engines.warm_up import SPECIALISE, TOUCH, warm_up
 from swarmer.errors import PluginFailed
@@ -60,6 +60,7 @@ class Dispatcher:
         self.children: dict[int, int] = {}  # pid -> FID
         self.pids: dict[int, int] = {}  # FID -> pid
         self.hand = Hand(self.run.faults, self.run.seed, self.pids, self.shared.directory(), self._tell_turn)
+        self.watch = Watch(self.run.hang_s, self.pids)
         self._libc = ctypes.CDLL(None, use_errno=True)
         self._wake_r, self._wake_w = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._words_r, self._words_w = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)  # the last words of an FLS
@@ -119,11 +120,15 @@ class Dispatcher:
         return bool(line) and json.loads(line).get("command") != "stop"
 
     def _strike(self) -> bool:
-        """Do what the fault schedule has for now; False if a replacement cannot be launched."""
-        if self.hand.due_s() == NEVER:
+        """Do what the fault schedule has for now, and end who hangs; False if a replacement cannot be launched."""
+        if self.hand.due_s() == NEVER and not self.watch.hang_s:
             return True
         now = self.clock.now()
-        if self.clock.phase == Phase.GO and self.hand.due_s() <= now:
+        if self.clock.phase != Phase.GO:
+            return True
+        for pid in self.watch.given_up(now, self.clock.scale, lambda fid: Slot(self.shared, fid).beats()):
+            self.hand.kill(pid)
+        if self.hand.due_s() <= now:
             launched = [self._replace(fid) for fid in self.hand.act(now, self.clock.scale)]
             return all(launched)
         return True
@@ -132,7 +137,7 @@ class Dispatcher:
         """Wall seconds until there may be something to do by itself; None: never."""
         due_s = self.hand.due_s()
         if due_s == NEVER:
-            return None
+            return BEATS_EVERY_S if self.watch.hang_s else None
         if self.clock.phase != Phase.GO:
             return FAULTS_EVERY_S
         return min(max(self.clock.wall_until(due_s), 0.0), FAULTS_EVERY_S)
@@ -191,6 +196,7 @@ class Dispatcher:
             return
         slot = Slot(self.shared, fid)
         failed = pid in self.hand.struck or slot.life() == Life.FAILING
+        self.hand.struck.discard(pid)
         slot.live(Life.ENDED)
         self.shared.directory()[fid - 1] = 0  # nobody listens there any more
         if code == PLUGIN_EXIT:

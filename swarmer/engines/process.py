@@ -11,7 +11,6 @@ import contextlib
 import json
 import os
 import secrets
-import signal
 import socket
 import subprocess
 import sys
@@ -26,6 +25,7 @@ from swarmer.engines.result import Event, Live, Observer, RunResult, Snapshot
 from swarmer.engines.specs import setup
 from swarmer.engines.thaws import Sight, ThawsInHindsight, ThawTally, ThawWatch
 from swarmer.errors import BadInput, RunFailed
+from swarmer.interrupts import ENDINGS, heeded
 from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Kind, Message, Stamp, To, encode
 from swarmer.metrics.swarms import swarm_names
 from swarmer.physics.flight import Velocity
@@ -43,6 +43,7 @@ REHEARSED = 0.98  # share of the FLSs that must have been woken before the next 
 REHEARSAL_PATIENCE_S = 2.0
 WEIGHED_LIVE, WEIGHED_LAST = 4, 24  # processes whose private memory is read
 WEIGH_EVERY_S = 5.0
+COMPLAINT_S = 0.1
 COMPLAINTS_MAX = 200  # lines of stderr that become events
 CRASHES_MAX = 0.05  # share of FLSs that may die unexpectedly before the run is given up
 
@@ -73,7 +74,10 @@ class ProcessEngine:
     def run(self, observer: Observer) -> RunResult:
         """Run to the end, the goal, Ctrl-C or a failure; the result says which. Raises RunFailed if `observer` does."""
         observer.planned(self.plan)
-        return asyncio.run(_Run(self.plan, observer, self._lock).play())
+        try:
+            return asyncio.run(_Run(self.plan, observer, self._lock).play())
+        except OSError as error:  # no memory to share, no files, no process more
+            raise RunFailed(f"this machine could not run {self.plan.size} FLSs: {_reason(error)}") from error
 
 
 class _Run:
@@ -96,7 +100,7 @@ class _Run:
         self.hindsight = ThawsInHindsight(plan.rules, self.begun)
         self._went_wall = 0.0
         self._process: subprocess.Popen[bytes] | None = None
-        self._complaints = 0
+        self._complaints, self._complaint = 0, ""
         self._memory_mb: float | None = None
 
     # -- the life of a run ---------------------------------------------------------------------------------------
@@ -105,10 +109,9 @@ class _Run:
         self.clock.set(Phase.WAIT, self.governor.scale, -1e9)
         began = time.monotonic()
         process, control = self._start_dispatcher()
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            with contextlib.suppress(
-                ValueError, RuntimeError
-            ):  # not in the main thread: the caller's business
+        for number in filter(heeded, ENDINGS):
+            # Not in the main thread: the caller's business.
+            with contextlib.suppress(ValueError, RuntimeError):
                 asyncio.get_running_loop().add_signal_handler(number, self._interrupt)
         listener = complaints = None
         try:
@@ -133,7 +136,7 @@ class _Run:
         return self.result
 
     def _start_dispatcher(self) -> tuple[subprocess.Popen[bytes], socket.socket]:
-        ours, theirs = socket.socketpair()
+        ours, theirs = socket.socketpair()  # whatever fails from here on, the sockets go with what holds them
         with theirs:
             process = subprocess.Popen(
                 [sys.executable, "-m", "swarmer.engines.dispatcher", str(theirs.fileno()), str(self.shared.fd)],
@@ -155,8 +158,9 @@ class _Run:
         await asyncio.get_running_loop().connect_read_pipe(lambda: protocol, process.stderr)
         while line := await pipe.readline():
             self._complaints += 1
+            text = line.decode(errors="replace").rstrip()
+            self._complaint = text or self._complaint
             if self._complaints <= COMPLAINTS_MAX:
-                text = line.decode(errors="replace").rstrip()
                 self.observer.event(Event(max(self.clock.now(), 0.0), "stderr", 0, text))
 
     async def _send_setup(self, writer: asyncio.StreamWriter) -> None:
@@ -272,7 +276,11 @@ class _Run:
             else:
                 self._happened(kind, event)
         if not self.stopping.is_set() and self.clock.phase != Phase.STOP:
-            self._fail("the dispatcher process died")
+            await asyncio.sleep(COMPLAINT_S)  # what it had to say of it may still be on its way
+            self._fail("the dispatcher process died" + self._last_words())
+
+    def _last_words(self) -> str:
+        return f": {self._complaint}" if self._complaint else ""
 
     def _happened(self, kind: str, event: dict[str, Any]) -> None:
         if kind == "fault":
@@ -287,7 +295,11 @@ class _Run:
         else:
             text = "went dark" if kind == "failed" else "left to charge"
         self.observer.event(Event(t_s, _EVENT_NAMES[kind], fid, text))
-        if kind == "died" and self.events["died"] > max(3, CRASHES_MAX * self.count):
+        if kind == "died" and self.result.launch_s is None:
+            self._fail(
+                f"FLS {fid} could not begin: its process ended with status {event['code']}{self._last_words()}"
+            )
+        elif kind == "died" and self.events["died"] > max(3, CRASHES_MAX * self.count):
             self._fail(
                 f"{self.events['died']} FLS processes died unexpectedly, the last with status {event['code']}"
             )
@@ -412,6 +424,10 @@ class _Run:
             result.suggested_time_scale = self.tally.suggestion(result.time_scale, lease_ms)
         self.reader.close()
         self.shared.close()
+
+
+def _reason(error: OSError) -> str:
+    return error.strerror or str(error) or type(error).__name__
 
 
 async def _line(reader: asyncio.StreamReader) -> bytes:

@@ -11,6 +11,7 @@ import heapq
 import math
 import os
 import signal
+import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from array import array
 
 GOES_SHARE = 1 / 3  # of the time that a slow process stands still
+BEATS_EVERY_S = 0.25  # wall seconds between two looks at who lives
+PATIENCE_S = 2.5  # wall seconds: who has nothing to do wakes once in a second only, and a machine may be busy
 SHORTEST_S = 0.002  # wall seconds between two signals to a slow process: more would only cost
 
 
@@ -67,7 +70,7 @@ class Hand:
                 back += self._turn(turn.fault, turn.begins)
         while self._steps and self._steps[0][0] <= now:
             self._step(now, scale)
-        return [fid for fid in back if fid not in self._pids]
+        return [fid for fid in dict.fromkeys(back) if fid not in self._pids]
 
     def let_go(self) -> None:
         """Let every process go on, for the end of the run or the calm."""
@@ -107,9 +110,13 @@ class Hand:
         for fid in self._struck(fault):
             self.dark.add(fid)
             if pid := self._pids.get(fid):
-                self.struck.add(pid)
-                _signal(pid, signal.SIGKILL)
+                self.kill(pid)
         return []
+
+    def kill(self, pid: int) -> None:
+        """End a process at once: that is a failure, and no crash."""
+        self.struck.add(pid)
+        _signal(pid, signal.SIGKILL)
 
     def _struck(self, fault: Fault) -> tuple[int, ...]:
         """Whom a fault strikes that begins now; noted until it ends."""
@@ -149,6 +156,35 @@ class Hand:
             del self._holds[pid]
             if pid in self._pids.values():
                 _signal(pid, signal.SIGCONT)
+
+
+class Watch:
+    """Who shows no sign of life any more: an FLS counts in its slot whenever it wakes, once a second at least."""
+
+    def __init__(self, hang_s: float, pids: Mapping[int, int]) -> None:
+        """hang_s: emulated seconds of patience; 0: nobody is given up. pids: FID -> process id of those that live."""
+        self.hang_s, self._pids = hang_s, pids
+        self._looked = -math.inf  # wall
+        self._seen: dict[
+            int, tuple[int, int, float, float]
+        ] = {}  # FID -> pid, beats, since when: emulated, wall
+
+    def given_up(self, now: float, scale: float, beats: Callable[[int], int]) -> list[int]:
+        """Process ids of those that hang, each once. now: emulated. beats: how often an FLS has shown life."""
+        wall = time.monotonic()
+        if not self.hang_s or wall - self._looked < BEATS_EVERY_S:
+            return []
+        self._looked = wall
+        hang: list[int] = []
+        for fid, pid in self._pids.items():
+            shown = beats(fid)
+            before = self._seen.get(fid)
+            if before is None or before[:2] != (pid, shown):
+                self._seen[fid] = (pid, shown, now, wall)
+            elif now - before[2] >= self.hang_s and wall - before[3] >= PATIENCE_S:
+                self._seen[fid] = (pid, shown, math.inf, wall)  # not a second time
+                hang.append(pid)
+        return hang
 
 
 def _signal(pid: int, number: int) -> None:

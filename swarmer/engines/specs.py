@@ -40,8 +40,9 @@ def setup(plan: Plan, run: int, port: int, key: bytes) -> dict[str, Any]:
         "steps_per_cell": Grid.for_display(plan.diagonal_cells).steps_per_cell,
         "loop": config.fls_loop,
         "cpus": cpus,
+        "faults": to_data(plan.faults),
+        "hang_s": config.failure.hang_s,
     }
-    common["faults"] = to_data(plan.faults)
     return {"run": common, "fls": fls_rows(plan), "replace": config.failure.replace}
 
 
@@ -98,6 +99,7 @@ def run_spec(data: dict[str, Any]) -> RunSpec:
         loop=data["loop"],
         cpus=tuple(data["cpus"]),
         faults=faults_from_data(data["faults"], data["rules"]["count"]),
+        hang_s=data["hang_s"],
     )
 
 

@@ -7,6 +7,8 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 
+from swarmer.interrupts import ENDINGS, heeded
+
 
 @contextlib.contextmanager
 def told_to_stop(tell: Callable[[], None]) -> Iterator[None]:
@@ -14,8 +16,7 @@ def told_to_stop(tell: Callable[[], None]) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    numbers = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else ()))
-    before = {number: signal.signal(number, lambda *_: tell()) for number in numbers}
+    before = {number: signal.signal(number, lambda *_: tell()) for number in filter(heeded, ENDINGS)}
     try:
         yield
     finally:

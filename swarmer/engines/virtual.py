@@ -89,7 +89,7 @@ class _Run:
             array("Q", bytes(16 * (plan.size + 1))), faults,
         )  # fmt: skip
         self.witnesses = witnesses
-        self.weather = Weather(self, faults) if faults != NO_FAULTS else None
+        self.weather = Weather(self, faults, plan.config.failure.hang_s) if faults != NO_FAULTS else None
         self.flss: list[VirtualFls] = []  # row i is FID i + 1, also when it has failed
         self.thaws, self.begun = ThawWatch(plan.rules), ThawTally(plan.rules)
         if plan.rules.thaw_policy == "centralized":

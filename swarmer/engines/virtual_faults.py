@@ -8,7 +8,7 @@ changes, so a run is the same until its first fault.
 from __future__ import annotations
 
 from random import Random
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from swarmer.engines.fault_events import event_of
 from swarmer.engines.virtual_fls import FAILED, Shared, VirtualFls
@@ -35,15 +35,23 @@ class Sky(Protocol):
     def replace(self, fid: int) -> None: ...
 
 
+class NoLife(NamedTuple):
+    """The dispatcher has had no sign of life of these since they began to hang."""
+
+    flss: tuple[VirtualFls, ...]
+
+
 class Weather:
     """The faults of one run: which hold now, and what begins and ends when."""
 
-    def __init__(self, run: Sky, schedule: Schedule) -> None:
+    def __init__(self, run: Sky, schedule: Schedule, hang_s: float = 0.0) -> None:
+        """hang_s: after so many emulated seconds without a sign of life the dispatcher ends an FLS; 0: never."""
         self.dark: set[int] = set()  # FIDs that nothing but the schedule may replace
         self.calm = False
         self._run, self._schedule = run, schedule
         self._hung: dict[int, float] = {}  # FID -> until when
         self._slow: dict[int, list[float]] = {}  # FID -> how late, of each fault that holds
+        self._hang_s = hang_s
         self._struck: dict[Fault, tuple[int, ...]] = {}  # whom a fault struck that names a swarm
 
     def begin(self) -> None:
@@ -53,13 +61,17 @@ class Weather:
 
     def make(self, shared: Shared, spec: FlsSpec) -> VirtualFls:
         """A new FLS of this run."""
+        self._hung.pop(spec.fid, None)  # a new process hangs no more
         fls = StormyFls(shared, spec, Mood(self, shared.seed, spec))
         if self.calm:
             calm_down(fls)
         return fls
 
-    def turn(self, turn: Turn) -> None:
-        """A fault begins or ends, or the calm begins."""
+    def turn(self, turn: Turn | NoLife) -> None:
+        """A fault begins or ends, or the calm begins; or the dispatcher has waited long enough for who hangs."""
+        if isinstance(turn, NoLife):
+            self._give_up(turn.flss)
+            return
         self._run.observer.event(event_of(turn))
         if turn.fault is None:
             self._calm_down()
@@ -98,13 +110,23 @@ class Weather:
         for fid in fault.where:
             self.dark.discard(fid)
             if not self._run.flss[fid - 1].alive:
-                self._hung.pop(fid, None)
                 self._run.replace(fid)
 
     def _hang(self, fault: Fault) -> None:
         end = fault.at_s + self._schedule.length_s(fault)
         for fid in fault.where:
             self._hung[fid] = max(end, self._hung.get(fid, 0.0))
+        if 0.0 < self._hang_s < end - fault.at_s:
+            flss = tuple(self._run.flss[fid - 1] for fid in fault.where)
+            self._run.agenda.put(fault.at_s + self._hang_s, TURN, _ALWAYS, NoLife(flss))
+
+    def _give_up(self, flss: tuple[VirtualFls, ...]) -> None:
+        """End who hangs, and still does; the successor does not."""
+        for fls in flss:
+            if fls.alive and self._hung.get(fls.fid, 0.0) > self._run.agenda.now:
+                assert isinstance(fls, StormyFls)
+                del self._hung[fls.fid]
+                fls.die()
 
     def _calm_down(self) -> None:
         """Every fault has ended by now; here the radio heals, and nobody fails or thaws any more."""

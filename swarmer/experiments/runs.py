@@ -50,13 +50,13 @@ def expand(experiment: Experiment) -> list[Run]:
 
     Raises BadInput for settings that contradict each other.
     """
-    runs: dict[tuple[Any, ...], Run] = {}
+    runs: dict[tuple[str, ...], Run] = {}
     for block in experiment.blocks:
         for varied in combinations(block):
             config = _config(experiment, varied)
             for seed in block.seeds:
                 run = Run(cell_name(varied), varied, config.model_copy(update={SEED: seed}))
-                runs.setdefault(tuple(run.config.flat().values()), run)
+                runs.setdefault(tuple(map(as_yaml, run.config.flat().values())), run)
     return list(runs.values())
 
 

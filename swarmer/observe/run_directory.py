@@ -46,6 +46,7 @@ ROUNDS = "rounds.csv"
 MANIFEST_FORMAT = 1
 FILES = (CONFIG, MANIFEST, SUMMARY, EVENTS, LOG, RECORDING, TIMELINE, REPORT, TRACE, ROUNDS)
 DISK_FULL = {errno.ENOSPC, errno.EDQUOT}
+NOT_OURS = {errno.EACCES, errno.EPERM, errno.EROFS}  # where nobody, or not this user, may write
 EVENT_COLUMNS = ("t_s", "kind", "fid", "text")
 LIBRARIES = ("numpy", "scipy", "rerun-sdk", "pydantic", "click", "rich")
 
@@ -83,7 +84,12 @@ class RunDirectory:
         )
         if out is not None:
             _take(out)
-        return cls(path, safe_name(shape), seed, command)
+        try:
+            return cls(path, safe_name(shape), seed, command)
+        except RunFailed as failure:
+            if out is not None and getattr(failure.__cause__, "errno", None) in NOT_OURS:
+                raise _no_directory(out, failure.__cause__) from None  # type: ignore[arg-type]
+            raise
 
     def stream(self, name: str) -> Stream:
         """A new stream, closed with the directory. Raises RunFailed."""
@@ -189,7 +195,12 @@ def check_out(out: Path) -> list[Path]:
         raise _no_directory(out, error) from None
     if not out.is_dir():
         raise BadInput("out", text, "it is a file; the path of a directory that is new or empty")
-    names = {path.name for path in out.iterdir()}
+    try:
+        names = {path.name for path in out.iterdir()}
+    except OSError as error:
+        raise _no_directory(out, error) from None
+    if not os.access(out, os.W_OK | os.X_OK):
+        raise _no_directory(out, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
     if SUMMARY in names:
         raise BadInput("out", str(out), "a finished run is there; choose another directory, or remove it")
     ours = {name + suffix for name in FILES for suffix in ("", PARTIAL, TEMPORARY)}

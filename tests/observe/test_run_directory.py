@@ -1,13 +1,16 @@
+import contextlib
 import json
 import os
 import string
+import tempfile
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmer.engines.result import Event
-from swarmer.errors import BadInput, SwarmerError
+from swarmer.errors import BadInput
 from swarmer.observe.run_directory import RunDirectory, check_out, safe_name
 from swarmer.observe.saved_run import load
 
@@ -115,8 +118,39 @@ def test_streams_are_partial_until_closed(tmp_path):
     assert manifest["ended"]
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root writes everywhere")
-def test_directory_without_permission_is_one_line(tmp_path):
-    tmp_path.chmod(0o500)
-    with pytest.raises(SwarmerError, match="Permission denied"):
-        create(tmp_path / "run")
+@contextlib.contextmanager
+def as_nobody(real):
+    """Without root's rights, which know no unwritable directory. real: also for who asks by the real user id."""
+    if os.geteuid() != 0:
+        yield
+        return
+    os.setresuid(65534 if real else 0, 65534, 0)
+    try:
+        yield
+    finally:
+        os.setresuid(0, 0, 0)
+
+
+@pytest.mark.parametrize("real", [True, False])
+@pytest.mark.parametrize("mode", [0o555, 0o000])
+def test_a_directory_that_is_there_and_cannot_be_written_is_refused(real, mode):
+    with tempfile.TemporaryDirectory() as room:
+        os.chmod(room, 0o755)  # noqa: PTH101
+        out = Path(room) / "out"
+        out.mkdir()
+        out.chmod(mode)
+        with as_nobody(real), pytest.raises(BadInput, match=r"out: .*Permission denied") as refused:
+            create(out)
+        assert refused.value.exit_status == 2
+        assert "\n" not in str(refused.value)
+        out.chmod(0o755)
+        assert list(out.iterdir()) == []
+
+
+@pytest.mark.parametrize("real", [True, False])
+def test_a_directory_below_one_that_cannot_be_written_is_refused(real):
+    with tempfile.TemporaryDirectory() as room:
+        os.chmod(room, 0o555)  # noqa: PTH101
+        with as_nobody(real), pytest.raises(BadInput, match=r"out: .*Permission denied"):
+            create(Path(room) / "new" / "out")
+        os.chmod(room, 0o755)  # noqa: PTH101

@@ -12,7 +12,10 @@ import time
 from pathlib import Path
 
 import pytest
+from endings import segments_of
 from helpers import RUN, children, dispatcher_of, events, flss_of, gone, run, start, wait_for
+
+from swarmer.udp_wrapper import address_of
 
 ARGUMENTS = ["--shape", "random", "--points", "20", "--duration", "60", "--no-recording"]
 
@@ -25,15 +28,15 @@ def begun(tmp_path, *more):
 @pytest.mark.parametrize("delay_s", [0.0, 2.0])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_interrupted(tmp_path, delay_s, number):
-    before = set(Path("/dev/shm").iterdir())
     process, flss = begun(tmp_path)
     dispatcher = dispatcher_of(process.pid)
     time.sleep(delay_s)
+    segments = set().union(*map(segments_of, [process.pid, dispatcher, *flss]))
     process.send_signal(number)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130, err
     wait_for(lambda: gone([*flss, dispatcher]), 3)
-    assert set(Path("/dev/shm").iterdir()) <= before
+    assert not [name for name in segments if Path(name).exists()], "of this run's own processes"
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["status"] == "interrupted"
     assert not list((tmp_path / "run").glob("*.partial"))
@@ -48,6 +51,33 @@ def test_interrupted_before_the_launch(tmp_path, after_s):
     process.communicate(timeout=30)
     assert process.returncode in (130, -signal.SIGINT)
     assert not children(process.pid)
+
+
+def test_nohup_stays_nohup(tmp_path):
+    """Whoever starts a run deaf to hanging up means it."""
+    process = start(
+        *ARGUMENTS, "--duration", "3", "--out", str(tmp_path / "run"), cwd=tmp_path, deaf_to=signal.SIGHUP
+    )
+    flss_of(process, 20)
+    process.send_signal(signal.SIGHUP)
+    process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["status"] == "done"
+
+
+def test_a_process_that_cannot_begin_ends_the_run_at_once(tmp_path):
+    """No port for FLS 3: nobody waits a minute for it."""
+    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as taken:
+        taken.bind((address_of(3), 0))
+        port = taken.getsockname()[1]
+        began = time.monotonic()
+        done = run(*ARGUMENTS, "--set", f"radio.port={port}", "--out", str(tmp_path / "run"), cwd=tmp_path)
+    assert done.returncode == 1, done.stderr
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["status"] == "failed"
+    assert summary["message"].startswith("FLS 3 could not begin: its process ended with status 1")
+    assert "Traceback" not in done.stderr
+    assert time.monotonic() - began < 40, "of the minute that a launch may take"
 
 
 def test_interrupted_again_and_again(tmp_path):

@@ -1,0 +1,255 @@
+"""Runs that are ended in every way there is, at random moments: what test_endings.py and scripts/endings.py play.
+
+`draw(seed)` makes a case as data; `play` starts the run, ends it, and says what is wrong with what is left: a process,
+a segment of shared memory, a lock, a half-written file under a final name, a summary that does not say how it ended.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import gzip
+import json
+import os
+import re
+import resource
+import signal
+import subprocess
+import sys
+import time
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+from typing import NamedTuple
+
+import numpy as np
+import yaml
+
+HERE = Path(__file__).resolve().parent
+RUN = "from swarmer import cli; import sys; sys.argv[0] = 'swarmer-run'; cli.main_run()"
+MARK = "SWARMER_ENDINGS_CASE"
+CLEAN_WITHIN_S = 3.0
+PATIENCE_S = 60.0
+POINTS, DURATION_S = 8, 1.0
+KB = 1024
+
+# Ways to end, and what the run may then say: exit statuses, and what the summary's status may be.
+SIGNALS = {
+    "ctrl_c": [signal.SIGINT], "ctrl_c_twice": [signal.SIGINT, signal.SIGINT], "terminate": [signal.SIGTERM],
+    "hang_up": [signal.SIGHUP], "kill": [signal.SIGKILL],
+}  # fmt: skip
+CALLS = (
+    "os.fork",
+    "mmap.mmap",
+    "os.memfd_create",
+    "os.ftruncate",
+    "socket:socket.bind",
+    "os.pipe2",
+    "subprocess._fork_exec",
+)
+WAYS = (*SIGNALS, "dispatcher_killed", "call_fails", "disk_full", "no_shared_memory", "few_files")
+
+
+class Case(NamedTuple):
+    """One run and how it ends."""
+
+    seed: int
+    way: str
+    engine: str
+    moment_s: float  # wall seconds after the start, for what comes from outside
+    call: str = ""  # that fails, as the sabotage has it
+    limit: int = 0  # bytes that a file may have, or files that may be open
+
+    def words(self) -> str:
+        more = self.call or (f"limit {self.limit}" if self.limit else f"after {self.moment_s:.2f} s")
+        return f"{self.way} ({self.engine}, {more})"
+
+
+def draw(seed: int) -> Case:
+    """The case of a seed."""
+    rng = Random(f"ending {seed}")
+    way = WAYS[seed % len(WAYS)]
+    engine = (
+        "process"
+        if way not in ("ctrl_c", "terminate", "hang_up", "kill") or rng.random() < 0.7
+        else "virtual"
+    )
+    case = Case(seed, way, engine, rng.uniform(0.0, 2.5))
+    if way == "call_fails":
+        call = rng.choice(CALLS)
+        return case._replace(call=f"{call} {rng.randint(1, 10)} {rng.choice(('EAGAIN', 'ENOMEM', 'EMFILE'))}")
+    if way == "disk_full":
+        return case._replace(limit=rng.randint(20, 60) * KB)
+    if way == "no_shared_memory":
+        return case._replace(limit=rng.randint(1, 6) * KB)
+    return case._replace(limit=rng.randint(8, 40)) if way == "few_files" else case
+
+
+def play(case: Case, room: Path) -> str | None:
+    """Make the run in `room`; what is wrong, or None."""
+    out, mark = room / f"run-{case.seed}", uuid.uuid4().hex
+    with _start(case, out, mark) as process:
+        segments = _end(case, process, mark)
+        try:
+            _, err = process.communicate(timeout=PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            _, err = process.communicate()
+            return f"still runs {PATIENCE_S:g} s after that: {err[-300:]}"
+    wrong = _left_over(mark, segments, out) or _status(case, process.returncode, err, out) or _files(out)
+    return None if wrong is None else f"{wrong} [exit {process.returncode}; stderr: {err.strip()[-600:]}]"
+
+
+def _start(case: Case, out: Path, mark: str) -> subprocess.Popen[str]:
+    arguments = [
+        "--shape", "random", "--points", str(POINTS), "--duration", str(DURATION_S), "--engine", case.engine,
+        "--out", str(out), *(["--set", "recording.rate_hz=60"] if case.way == "disk_full" else ["--no-recording"]),
+    ]  # fmt: skip
+    if case.engine == "virtual":  # as long as a moment may be late
+        arguments += ["--duration", "20000", "--set", "lambda_ms=50"]
+    environment = {**os.environ, MARK: mark}
+    if case.call:
+        paths = [str(HERE / "sabotage"), os.environ.get("PYTHONPATH", "")]
+        environment |= {"SWARMER_SABOTAGE": case.call, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+
+    def before() -> None:
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # as a terminal has it
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
+        if case.way == "few_files":
+            resource.setrlimit(resource.RLIMIT_NOFILE, (case.limit, case.limit))
+        elif case.limit:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (case.limit, case.limit))
+
+    return subprocess.Popen(
+        [sys.executable, "-c", RUN, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env=environment, preexec_fn=before,
+    )  # fmt: skip
+
+
+def _end(case: Case, process: subprocess.Popen[str], mark: str) -> set[str]:
+    """Do to it from outside what the case has. Gives the names of the shared memory that its processes have."""
+    if case.way in SIGNALS or case.way == "dispatcher_killed":
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(case.moment_s)
+    segments = {name for pid in processes(mark) for name in segments_of(pid)}
+    for number in SIGNALS.get(case.way, ()):
+        process.send_signal(number)
+        time.sleep(0.05)
+    if case.way == "dispatcher_killed":
+        for pid in processes(mark):
+            if b"swarmer.engines.dispatcher" in _read(pid, "cmdline") and _parent(pid) == process.pid:
+                os.kill(pid, signal.SIGKILL)
+    return segments
+
+
+# -- what is left ----------------------------------------------------------------------------------------------------
+
+
+def _left_over(mark: str, segments: set[str], out: Path) -> str | None:
+    deadline = time.monotonic() + CLEAN_WITHIN_S
+    while left := processes(mark):
+        if time.monotonic() > deadline:
+            told = [_read(pid, "cmdline").replace(b"\0", b" ").decode(errors="replace")[:80] for pid in left]
+            for pid in left:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+            return f"{len(left)} processes are left: {told[:3]}"
+        time.sleep(0.02)
+    if kept := [name for name in segments if Path(name).exists()]:
+        return f"shared memory is left: {kept}"
+    if out.exists():
+        from swarmer.observe.run_directory import hold, let_go
+
+        let_go(hold(out))  # BadInput: locked
+    return None
+
+
+def _status(case: Case, code: int, err: str, out: Path) -> str | None:
+    """Does the run say how it ended?"""
+    if "Traceback" in err:
+        return "a traceback for the user"
+    summary = json.loads((out / "summary.json").read_text()) if (out / "summary.json").exists() else None
+    status = summary and summary["status"]
+    numbers = SIGNALS.get(case.way)
+    if numbers is None:
+        may = {0: "done", 1: "failed", 2: None}
+        if code not in may:
+            return "an exit status that is none of ours"
+        if code == 1 and status is None and not err.strip():
+            return "failed, and does not say why"
+        if status != may[code] and not (status is None and code == 1):
+            return f"the summary says {status}"
+        return "failed without a reason" if status == "failed" and not summary["message"] else None
+    if code == 0:
+        return None if status == "done" else f"done, and the summary says {status}"
+    if case.way == "kill":
+        return None if summary is None else "killed, and there is a summary"
+    if code == 130:
+        return (
+            None
+            if status == "interrupted" or not out.exists()
+            else f"interrupted, and the summary says {status}"
+        )
+    # Before it had begun anything a signal may simply end it.
+    return None if -code in numbers and not out.exists() else "an exit status that is none of ours"
+
+
+def _files(out: Path) -> str | None:
+    """Is every file whole that is there under its final name?"""
+    for path in sorted(out.iterdir()) if out.exists() else ():
+        if path.suffix == ".tmp":
+            return f"{path.name} is left"
+        try:
+            READERS.get(path.name, lambda path: None)(path)
+        except Exception as error:
+            return f"{path.name} is not whole: {error!r}"
+    return None
+
+
+def _npz(path: Path) -> None:
+    with np.load(path) as data:
+        assert all(len(data[name]) for name in data)
+
+
+def _events(path: Path) -> None:
+    text = path.read_text()
+    assert text.endswith("\n")
+    assert all(len(row) == 4 for row in csv.reader(text.splitlines()))
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "summary.json": lambda path: json.loads(path.read_text()),
+    "manifest.json": lambda path: json.loads(path.read_text()),
+    "config.yaml": lambda path: yaml.safe_load(path.read_text()),
+    "timeline.npz": _npz, "events.csv": _events,
+    "trace.jsonl.gz": lambda path: gzip.decompress(path.read_bytes()),
+}  # fmt: skip
+
+
+# -- processes -------------------------------------------------------------------------------------------------------
+
+
+def processes(mark: str) -> list[int]:
+    """Ids of the living processes that were started for one case, whoever their parent is by now."""
+    wanted, names = f"{MARK}={mark}".encode(), [entry.name for entry in Path("/proc").iterdir()]
+    return [
+        int(name) for name in names if name.isdigit() and wanted in _read(int(name), "environ").split(b"\0")
+    ]
+
+
+def _read(pid: int, name: str) -> bytes:
+    """Empty for who is gone, for a zombie, and for the processes of others."""
+    with contextlib.suppress(FileNotFoundError, ProcessLookupError, PermissionError):
+        return Path(f"/proc/{pid}/{name}").read_bytes()
+    return b""
+
+
+def _parent(pid: int) -> int:
+    fields = _read(pid, "stat").rpartition(b")")[2].split()
+    return int(fields[1]) if fields else 0
+
+
+def segments_of(pid: int) -> set[str]:
+    """Names of the shared memory, and of named semaphores, that a process has mapped."""
+    return set(re.findall(r"(/dev/shm/\S+)", _read(pid, "maps").decode(errors="replace")))
