@@ -52,23 +52,29 @@ def heeded(number: int) -> bool:
 def endings_wait() -> Iterator[Callable[[], None]]:
     """Within the block every ending waits until what the block gives is called; then it is a KeyboardInterrupt.
 
-    So what must not be left half-done can be begun and given into the hands of whoever finishes it.
+    So what must not be left half-done can be begun and given into the hands of whoever finishes it. (To block signals
+    would not do: one that is for the process reaches any thread of a library that does not.)
     """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield lambda: None
-        return
-    for number in ENDINGS:
-        if number != signal.SIGINT and heeded(number):
-            signal.signal(number, _as_ctrl_c)
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDINGS)
+    came: list[int] = []
+    before = {number: signal.getsignal(number) for number in ENDINGS}
+    waiting = {number for number, handler in before.items() if handler is not signal.SIG_IGN}
+
+    def note(number: int, frame: FrameType | None) -> None:
+        came.append(number)
 
     def let_them_come() -> None:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        while waiting:
+            signal.signal(waiting.pop(), _as_ctrl_c)
+        if came:
+            raise KeyboardInterrupt
 
+    for number in waiting:
+        signal.signal(number, note)
     try:
         yield let_them_come
     finally:
-        let_them_come()
+        for number in waiting:  # nothing was begun
+            signal.signal(number, before[number])
 
 
 def endings_over() -> None:

@@ -146,6 +146,7 @@ def run(
     with ready as engine, endings_wait() as let_endings_come:
         directory = RunDirectory.create(out, config.shape, config.seed, sys.argv)
         collector = Collector(directory, Panel(), live)
+        collector.expect(plan)
         if tracer:
             tracer.open(directory.stream(TRACE))
 

@@ -43,7 +43,7 @@ REHEARSED = 0.98  # share of the FLSs that must have been woken before the next 
 REHEARSAL_PATIENCE_S = 2.0
 WEIGHED_LIVE, WEIGHED_LAST = 4, 24  # processes whose private memory is read
 WEIGH_EVERY_S = 5.0
-COMPLAINT_S = 0.1
+COMPLAINT_S = 0.2
 COMPLAINTS_MAX = 200  # lines of stderr that become events
 CRASHES_MAX = 0.05  # share of FLSs that may die unexpectedly before the run is given up
 
@@ -74,10 +74,13 @@ class ProcessEngine:
     def run(self, observer: Observer) -> RunResult:
         """Run to the end, the goal, Ctrl-C or a failure; the result says which. Raises RunFailed if `observer` does."""
         observer.planned(self.plan)
+        what = "no memory to share"
         try:
-            return asyncio.run(_Run(self.plan, observer, self._lock).play())
-        except OSError as error:  # no memory to share, no files, no process more
-            raise RunFailed(f"this machine could not run {self.plan.size} FLSs: {_reason(error)}") from error
+            run = _Run(self.plan, observer, self._lock)
+            what = "the run could not be started"
+            return asyncio.run(run.play())
+        except OSError as error:
+            raise RunFailed(f"{what}: {error.strerror or error}") from error
 
 
 class _Run:
@@ -159,7 +162,10 @@ class _Run:
         while line := await pipe.readline():
             self._complaints += 1
             text = line.decode(errors="replace").rstrip()
-            self._complaint = text or self._complaint
+            if text and not text.startswith(
+                (" ", "Traceback")
+            ):  # of a traceback the line that says what is wrong
+                self._complaint = text
             if self._complaints <= COMPLAINTS_MAX:
                 self.observer.event(Event(max(self.clock.now(), 0.0), "stderr", 0, text))
 
@@ -275,12 +281,18 @@ class _Run:
                 self._fail(event["text"])
             else:
                 self._happened(kind, event)
+                if kind == "died" and self.result.launch_s is None:
+                    fid, code = event["fid"], event["code"]
+                    await self._fail_with_last_words(
+                        f"FLS {fid} could not begin: its process ended with status {code}"
+                    )
         if not self.stopping.is_set() and self.clock.phase != Phase.STOP:
-            await asyncio.sleep(COMPLAINT_S)  # what it had to say of it may still be on its way
-            self._fail("the dispatcher process died" + self._last_words())
+            await self._fail_with_last_words("the dispatcher process died")
 
-    def _last_words(self) -> str:
-        return f": {self._complaint}" if self._complaint else ""
+    async def _fail_with_last_words(self, message: str) -> None:
+        """What a process had to say of its death may still be on its way."""
+        await asyncio.sleep(COMPLAINT_S)
+        self._fail(f"{message}: {self._complaint}" if self._complaint else message)
 
     def _happened(self, kind: str, event: dict[str, Any]) -> None:
         if kind == "fault":
@@ -295,11 +307,7 @@ class _Run:
         else:
             text = "went dark" if kind == "failed" else "left to charge"
         self.observer.event(Event(t_s, _EVENT_NAMES[kind], fid, text))
-        if kind == "died" and self.result.launch_s is None:
-            self._fail(
-                f"FLS {fid} could not begin: its process ended with status {event['code']}{self._last_words()}"
-            )
-        elif kind == "died" and self.events["died"] > max(3, CRASHES_MAX * self.count):
+        if kind == "died" and self.events["died"] > max(3, CRASHES_MAX * self.count):
             self._fail(
                 f"{self.events['died']} FLS processes died unexpectedly, the last with status {event['code']}"
             )
@@ -424,10 +432,6 @@ class _Run:
             result.suggested_time_scale = self.tally.suggestion(result.time_scale, lease_ms)
         self.reader.close()
         self.shared.close()
-
-
-def _reason(error: OSError) -> str:
-    return error.strerror or str(error) or type(error).__name__
 
 
 async def _line(reader: asyncio.StreamReader) -> bytes:

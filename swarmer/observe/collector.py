@@ -37,11 +37,15 @@ class Collector:
         self._recording: Recording | None = None
         self._was_single = False
 
+    def expect(self, plan: Plan) -> None:
+        """From here on there is something to sum up, however early the run ends."""
+        self._plan = plan
+        self._progress = Progress.of(plan.cloud.points)
+
     def planned(self, plan: Plan) -> None:
         """Open everything that grows. Raises RunFailed: nothing has started yet."""
-        self._plan = plan
+        self.expect(plan)
         truth = plan.cloud.points
-        self._progress = Progress.of(truth)
         self.directory.write_config(plan.config, plan.cloud.sha256)
         self._timeline = TimelineWriter(self.directory.path, truth)
         if plan.config.recording.enabled or self._live:
@@ -113,7 +117,7 @@ class Collector:
         """Close everything, write the summary, and give it.
 
         With `failure` set afterwards the summary says `failed`: raise it, once the user has read the rest.
-        Without `planned` there is nothing to sum up: the directory is closed and the summary is empty.
+        Without `expect` or `planned` there is nothing to sum up: the directory is closed and the summary is empty.
         """
         if self._panel is not None:
             self._panel.close()

@@ -51,18 +51,24 @@ CALLS = (
 WAYS = (*SIGNALS, "dispatcher_killed", "call_fails", "disk_full", "no_shared_memory", "few_files")
 
 
+# What has come about when a moment is counted from there, so that a busy machine has the same moments; and how many
+# wall seconds later it may be.
+STAGES = {"started": 1.0, "directory": 0.2, "planned": 0.3, "flying": 1.5}
+
+
 class Case(NamedTuple):
     """One run and how it ends."""
 
     seed: int
     way: str
     engine: str
-    moment_s: float  # wall seconds after the start, for what comes from outside
+    stage: str  # one of STAGES, for what comes from outside
+    moment_s: float  # wall seconds after that
     call: str = ""  # that fails, as the sabotage has it
     limit: int = 0  # bytes that a file may have, or files that may be open
 
     def words(self) -> str:
-        more = self.call or (f"limit {self.limit}" if self.limit else f"after {self.moment_s:.2f} s")
+        more = self.call or (f"limit {self.limit}" if self.limit else f"{self.stage} + {self.moment_s:.2f} s")
         return f"{self.way} ({self.engine}, {more})"
 
 
@@ -75,10 +81,14 @@ def draw(seed: int) -> Case:
         if way not in ("ctrl_c", "terminate", "hang_up", "kill") or rng.random() < 0.7
         else "virtual"
     )
-    case = Case(seed, way, engine, rng.uniform(0.0, 2.5))
+    stage = rng.choice(sorted(STAGES))
+    case = Case(seed, way, engine, stage, rng.uniform(0.0, STAGES[stage]))
     if way == "call_fails":
         call = rng.choice(CALLS)
-        return case._replace(call=f"{call} {rng.randint(1, 10)} {rng.choice(('EAGAIN', 'ENOMEM', 'EMFILE'))}")
+        which = rng.randint(1, POINTS + 1) if call == "os.fork" else rng.randint(1, 2)
+        return case._replace(call=f"{call} {which} {rng.choice(('EAGAIN', 'ENOMEM', 'EMFILE'))}")
+    if way == "dispatcher_killed":
+        return case._replace(stage=rng.choice(("planned", "flying")))
     if way == "disk_full":
         return case._replace(limit=rng.randint(20, 60) * KB)
     if way == "no_shared_memory":
@@ -90,7 +100,7 @@ def play(case: Case, room: Path) -> str | None:
     """Make the run in `room`; what is wrong, or None."""
     out, mark = room / f"run-{case.seed}", uuid.uuid4().hex
     with _start(case, out, mark) as process:
-        segments = _end(case, process, mark)
+        segments = _end(case, process, out, mark)
         try:
             _, err = process.communicate(timeout=PATIENCE_S)
         except subprocess.TimeoutExpired:
@@ -127,9 +137,19 @@ def _start(case: Case, out: Path, mark: str) -> subprocess.Popen[str]:
     )  # fmt: skip
 
 
-def _end(case: Case, process: subprocess.Popen[str], mark: str) -> set[str]:
+def _reached(case: Case, out: Path, mark: str) -> bool:
+    if case.stage == "directory":
+        return out.exists()
+    if case.stage == "planned" or (case.stage == "flying" and case.engine == "virtual"):
+        return (out / "config.yaml").exists()
+    return case.stage == "started" or (out.exists() and len(processes(mark)) >= POINTS + 2)
+
+
+def _end(case: Case, process: subprocess.Popen[str], out: Path, mark: str) -> set[str]:
     """Do to it from outside what the case has. Gives the names of the shared memory that its processes have."""
     if case.way in SIGNALS or case.way == "dispatcher_killed":
+        while process.poll() is None and not _reached(case, out, mark):
+            time.sleep(0.005)
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(case.moment_s)
     segments = {name for pid in processes(mark) for name in segments_of(pid)}
@@ -209,7 +229,8 @@ def _files(out: Path) -> str | None:
 
 def _npz(path: Path) -> None:
     with np.load(path) as data:
-        assert all(len(data[name]) for name in data)
+        assert "hd_cells" in data
+        assert all(data[name].size >= 0 for name in data)  # every array is read
 
 
 def _events(path: Path) -> None:

@@ -111,12 +111,12 @@ def test_slow_and_spoilt(tmp_path):
     text = """
 faults:
 - {at: 1, for: 3, what: slow, where: [3, 4], late: 0.05}
-- {at: 0, what: bias, by: 2, where: [7]}
+- {at: 0, what: bias, by: 1, where: all}
 """
     summary = with_faults(tmp_path, text, *OFF, duration=6)
     assert summary["failures"] == 0
     assert summary["swarms_last"] == 1
-    assert 0.5 < summary["hd_cells"] < 10
+    assert 0.5 < summary["hd_cells"] < 20
 
 
 @pytest.mark.parametrize("how", ["it ends", "ctrl-c", "killed"])

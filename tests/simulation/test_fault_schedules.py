@@ -106,9 +106,9 @@ def test_from_the_calm_on_no_datagram_is_lost():
 
 
 def test_all_of_a_swarm_die_and_those_alone():
-    plain = story(duration_s=1.2)
+    plain = story(duration_s=3.0)
     moment = next(
-        s.t_s for s in plain.audience.samples if 2 < (s.swarm == s.swarm[9]).sum() < 20 and s.lit.all()
+        s.t_s for s in plain.audience.samples if s.swarm[9] and 2 < (s.swarm == s.swarm[9]).sum() < 20
     )
     before = plain.at(moment)
     members = set((np.flatnonzero(before.swarm == before.swarm[9]) + 1).tolist())
@@ -133,9 +133,9 @@ def test_a_region_dies_and_comes_back():
 
 def test_what_a_predecessor_sent_changes_nothing():
     """Datagrams take half a second, so those of the dead come long after their successor's first ones."""
-    fids = (2, 9, 17)
-    slow = {"radio.delay_ms": 300.0, "radio.jitter_ms": 300.0, "lambda_ms": 4000.0, "lease_ms": 2000.0}
-    one = story(Fault(6.0, "kill", fids, 0.01), duration_s=9.0, **slow)
+    fids = tuple(range(1, 31, 3))
+    slow = {"radio.delay_ms": 300.0, "radio.jitter_ms": 300.0, "lease_ms": 2000.0, "lambda_ms": 200.0}
+    one = story(Fault(1.5, "kill", fids, 0.01), duration_s=4.0, **slow, **{"deploy.start": "random"})
     newest = {}
     for _, fid, event, _ in one.log.events:
         if type(event) is Received:
@@ -187,12 +187,13 @@ def test_failures_by_rate_come_so_often(rate):
     ids=lambda fault: f"{fault.what} {fault.by:g}",
 )
 def test_a_spoilt_sensor_costs_hd_and_stops_nobody(fault):
-    clean = story(duration_s=10.0)
-    one = story(fault, duration_s=10.0)
+    exact = {"epsilon_deg": 0.0, "duration_s": 8.0}  # but for the sensors
+    assert story(**exact).hd(story(**exact).end) < 1e-6
+    one = story(fault, **exact)
     assert one_swarm(one.end)
     assert np.isfinite(one.end.position).all()
-    assert one.hd(one.end) > clean.hd(clean.end)
-    again = story(fault._replace(for_s=5.0), duration_s=24.0, **{"thaw.policy": "timer"})
+    assert one.hd(one.end) > 0.3
+    again = story(fault._replace(for_s=3.0), duration_s=16.0, **{"thaw.policy": "timer"})
     assert again.hd(again.end) < 0.5, "once the sensors are well, thaws put all right"
 
 
@@ -220,5 +221,5 @@ def test_drawn_schedules_heal(seed):
     rng = stream(seed, "faults")
     rows = [draw_fault(rng, 6.0, 0.5) for _ in range(12)]
     schedule = from_data({"faults": rows, "calm": 7.0}, 30, points, seed)
-    one = Story(seed=seed, faults=schedule, duration_s=40.0)
+    one = Story(seed=seed, faults=schedule, duration_s=40.0)  # it ends at one swarm
     assert one.checks.facts.single_s is not None, rows

@@ -1,0 +1,78 @@
+"""The tables of what faults cost, from small sweeps."""
+
+import subprocess
+import sys
+from importlib import util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = ROOT / "scripts" / "faults_table.py"
+BASE = "base: {engine: virtual, shape: random, points: 24, lambda_ms: 200, recording.rate_hz: 20, duration_s: %s}\n"
+
+
+def module():
+    spec = util.spec_from_file_location("faults_table", SCRIPT)
+    made = util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made
+
+
+def swept(tmp_path, text):
+    (tmp_path / "small.yaml").write_text(text)
+    command = [sys.executable, "-m", "swarmer", "sweep", "small.yaml", "--jobs", "1", "--out", "out"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return tmp_path / "out"
+
+
+def told(what, sweep, *more):
+    done = subprocess.run([sys.executable, SCRIPT, what, sweep, *more], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return [[cell.strip() for cell in line.strip("| \n").split("|")] for line in done.stdout.splitlines()]
+
+
+def test_the_map_of_loss(tmp_path):
+    sweep = swept(tmp_path, BASE % 4 + "grid: {radio.loss: [0, 0.2], lambda_ms: [200, 500]}\nseeds: 2\n")
+    lines = told("map", sweep, "--picture", tmp_path / "map.png")
+    assert lines[0] == ["loss", "λ 200 ms", "λ 500 ms"]
+    assert [line[0] for line in lines[2:]] == ["0 %", "20 %"]
+    assert all(float(cell.split()[0]) >= 0 for line in lines[2:] for cell in line[1:])
+    assert (tmp_path / "map.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_failures(tmp_path):
+    sweep = swept(tmp_path, BASE % 8 + "grid: {failure.rate: [0, 0.03]}\nseeds: 2\n")
+    head, _, none, some = told("failures", sweep)
+    assert head[:3] == ["failures per FLS and s", "runs", "failures"]
+    assert (none[0], none[2], none[-2], none[-1]) == ("0 %", "0", "100.0 %", "–")
+    assert some[0] == "3 %"
+    assert float(some[2]) > 2
+    assert 50 < float(some[-2].split()[0]) < 100
+    assert float(some[-1].split()[0]) < 10
+
+
+def test_a_partition(tmp_path):
+    fault = "  faults.schedule: [{at: 0, for: 5, what: partition, axis: L}]"
+    base = BASE.replace("base: {", "base:\n  ").replace("}\n", "").replace(", ", "\n  ") % 8
+    sweep = swept(tmp_path, f"{base}\n{fault}\ngrid: {{thaw.policy: [off]}}\nseeds: 2\n")
+    _, _, line = told("partition", sweep)
+    assert line[0] == "`off`"
+    parted, healed = (cell.split(" (") for cell in line[2:])
+    assert parted[1] == healed[1] == "2/2)"
+    assert 0 < float(parted[0].split()[0]) < 5
+    assert 0 < float(healed[0].split()[0]) < 3
+
+
+def test_who_is_in_a_swarm_with_another():
+    shared = module()._shared(np.array([3, 3, 7, 0, 0, 7]), np.array([True, True, True, False, False, False]))
+    assert shared.tolist() == [True, True, False, False, False, False]
+
+
+@pytest.mark.parametrize("what", ["map", "failures", "partition"])
+def test_no_sweep_is_one_line(tmp_path, what):
+    done = subprocess.run([sys.executable, SCRIPT, what, tmp_path], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
