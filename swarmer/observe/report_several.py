@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 NOT_GROUPING = {"seed", "recording.enabled", "recording.rate_hz", "radio.port"}
 GRID = 240  # moments at which the runs of a group are compared
 CLOUDS_MAX = 4
+LABEL_MAX = 60  # characters of a group's name, which stands above every figure
 HD_FLOOR = 1e-9  # cells: the logarithm of nothing smaller is taken
 OTHERWISE = "unset"
 
@@ -79,15 +80,35 @@ def groups_of(runs: Sequence[SavedRun]) -> tuple[list[Group], dict[str, list[Any
     differing = {
         name: values for name, values in values_of.items() if any(value != values[0] for value in values)
     }
-    telling = [name for name in differing if name not in NOT_GROUPING]
-    groups: dict[str, Group] = {}
+    telling = {name: values for name, values in differing.items() if name not in NOT_GROUPING}
+    names_shown = _enough(telling)
+    groups: dict[tuple[str, ...], Group] = {}
     for i, run in enumerate(runs):
-        label = ", ".join(f"{name} {_short(differing[name][i])}" for name in telling) or "all runs"
-        group = groups.setdefault(label, Group(label, []))
+        label = ", ".join(f"{name} {_short(telling[name][i])}" for name in names_shown) or "all runs"
+        if len(label) > LABEL_MAX:
+            label = label[: LABEL_MAX - 1] + "…"
+        which = tuple(text_of(values[i]) for values in telling.values())
+        group = groups.setdefault(which, Group(label, []))
         group.runs.append(run)
         if (data := data_of(run)) is not None:
             group.data.append(data)
     return list(groups.values()), differing
+
+
+def _enough(telling: dict[str, list[Any]]) -> list[str]:
+    """So few settings that they tell apart what all together do: the others stand in the table.
+
+    >>> _enough({"engine": ["rounds", "virtual"], "rounds.m": [2, 3], "lambda_ms": [5, 5]})
+    ['engine']
+    """
+    found: list[str] = []
+    told = 1
+    for name in telling:
+        tried = [telling[one] for one in (*found, name)]
+        number = len({tuple(map(text_of, row)) for row in zip(*tried, strict=True)})
+        if number > told:
+            found, told = [*found, name], number
+    return found
 
 
 def _settings(run: SavedRun) -> dict[str, Any]:
