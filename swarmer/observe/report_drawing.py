@@ -103,7 +103,9 @@ def svg_of(
     from matplotlib.figure import Figure as Canvas
 
     with matplotlib.rc_context(STYLE), warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of letters that its own font lacks: the page's has them
+        warnings.simplefilter(
+            "ignore", UserWarning
+        )  # of letters that its own font lacks: the page's has them
         canvas = Canvas(figsize=(width, height), layout="constrained")
         draw(canvas)
         text = io.StringIO()

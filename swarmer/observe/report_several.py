@@ -47,7 +47,7 @@ HD_FLOOR = 1e-9  # cells: the logarithm of nothing smaller is taken
 OTHERWISE = "unset"
 
 
-@dataclass
+@dataclass(eq=False)
 class Group:
     """Runs that differ in nothing but their seed."""
 
@@ -85,14 +85,19 @@ def groups_of(runs: Sequence[SavedRun]) -> tuple[list[Group], dict[str, list[Any
     groups: dict[tuple[str, ...], Group] = {}
     for i, run in enumerate(runs):
         label = ", ".join(f"{name} {_short(telling[name][i])}" for name in names_shown) or "all runs"
-        if len(label) > LABEL_MAX:
-            label = label[: LABEL_MAX - 1] + "…"
         which = tuple(text_of(values[i]) for values in telling.values())
-        group = groups.setdefault(which, Group(label, []))
+        if which not in groups:
+            groups[which] = Group(_cut(label, len(groups) + 1), [])
+        group = groups[which]
         group.runs.append(run)
         if (data := data_of(run)) is not None:
             group.data.append(data)
     return list(groups.values()), differing
+
+
+def _cut(label: str, number: int) -> str:
+    """A name that is too long ends in its number, so that no two are the same."""
+    return label if len(label) <= LABEL_MAX else f"{label[: LABEL_MAX - 6]}… #{number}"
 
 
 def _enough(telling: dict[str, list[Any]]) -> list[str]:
@@ -251,7 +256,8 @@ def overlay(one: Overlay, groups: Sequence[Group]) -> Figure | Absent:
         axes = canvas.add_subplot()
         if one.scale != "linear":
             logarithmic(axes, zero=one.scale == "counts")
-        for i, (group, (t, middle, low, high)) in enumerate(bands):
+        for group, (t, middle, low, high) in bands:
+            i = groups.index(group)  # in each figure the same colour
             colour, dash = LINES[i % len(LINES)], DASHES[i // 2 % len(DASHES)]
             shown = middle > 0 if one.scale == "log" else np.isfinite(middle)
             axes.plot(t[shown], middle[shown], color=colour, linestyle=dash, label=group.name)
