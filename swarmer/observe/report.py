@@ -32,6 +32,7 @@ RUNS_MAX = 24
 FIGURES: tuple[Callable[[RunData], Figure | Absent | None], ...] = (
     report_figures.hd_figure,
     report_figures.swarms_figure,
+    report_figures.formation_figure,
     report_figures.cycles_figure,
     report_figures.sizes_figure,
     lambda data: report_rounds.merging_figure(data.run),

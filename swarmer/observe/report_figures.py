@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 VECTOR_POINTS = 3000  # a cloud of more points is drawn as pixels
 CSV_POINTS = 5000  # of a cloud that are written down in the page; all are in timeline.npz
 CYCLES_DRAWN = 60
+SHORT = 0.4  # of a run: a formation that took less is drawn once more, larger
 OLD = "this run was written by a version that did not keep it"
 NO_RADIO = "this engine has no radio, or the run is of a version that did not keep it"
 WORK = (
@@ -88,6 +89,45 @@ def hd_figure(data: RunData) -> Figure | Absent:
     return Figure(
         "hd", title, svg_of("hd", f"{alt}. {below}", draw), caption, alt,
         [data.clock.column, "hd_cells", "hd_absolute_cells"], rows,
+    )  # fmt: skip
+
+
+def formation_figure(data: RunData) -> Figure | None:
+    """HD and swarms until the shape was formed, where that is a small part of the run."""
+    reached = [at for at in reached_of(data.run.summary).values() if at is not None]
+    until = 1.25 * max(reached, default=np.inf)
+    t, hd = data.hd
+    if not until < SHORT * float(data.t[-1]) or not len(t):
+        return None
+    shown, early = (hd > 0) & (t <= until), data.t <= until
+
+    def draw(canvas: Canvas) -> None:
+        above, below = canvas.subplots(2, 1, sharex=True)
+        logarithmic(above)
+        logarithmic(below, zero=True)
+        above.plot(t[shown], hd[shown], color=LINES[0])
+        below.plot(data.t[early], data.swarms[early], color=LINES[2])
+        above.set_ylabel("HD [cells]")
+        below.set_ylabel("swarms")
+        for axes in (above, below):
+            thaws = data.moments("thaw")
+            axes.vlines(
+                thaws[thaws <= until],
+                0,
+                0.06,
+                transform=axes.get_xaxis_transform(),
+                color=SOFT,
+                linewidth=0.8,
+            )
+        over_time(below, data.clock)
+        below.set_xlim(0, until)
+
+    alt = f"The beginning of the run, up to {data.clock.say(until)}: HD falls to {cells(hd[t <= until][-1])} cells"
+    caption = "The same two curves, larger: each merge to one swarm and the thaw after it (ticks) lowers HD by a step."
+    rows = columns_of(data.t[early], data.timeline.hd_cells[early], data.swarms[early])
+    return Figure(
+        "formation", "The formation", svg_of("formation", alt, draw, height=3.1), caption, alt,
+        [data.clock.column, "hd_cells", "swarms"], rows,
     )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ from swarmer.observe.report_drawing import (
     over_time,
     svg_of,
 )
+from swarmer.observe.run_directory import ROUNDS
 from swarmer.observe.saved_run import BROKEN, SavedRun
 from swarmer.observe.words import cells
 
@@ -30,7 +31,7 @@ Rounds = dict[str, NDArray[np.float64]]  # (rounds + 1,) each, the first is the 
 
 def read_rounds(run: SavedRun) -> Rounds:
     """rounds.csv by column, empty cells as NaN; nothing if no round is there that can be read."""
-    path: Path = run.path / "rounds.csv"
+    path: Path = run.path / ROUNDS
     try:
         with path.open(newline="", encoding="utf-8") as file:
             titles, *rows = csv.reader(file)

@@ -21,7 +21,7 @@ from swarmer.observe.saved_run import SavedRun, SavedTimeline
 from swarmer.shapes.views import usual_view
 
 BYTES_MAX = 1_900_000  # deflated; base64 makes it 2.5 MB
-FRAMES_MAX, FRAMES_MIN = 600, 12
+FRAMES_MAX, FRAMES_MIN = 640, 12
 VALUES_MAX = 24_000_000  # positions and colours before they are deflated: what a phone can unpack
 STEP_CELLS = 0.01  # no finer than the eye could see
 CALM = "76,155,232"  # a display that is one swarm
@@ -64,8 +64,8 @@ def scene_part(run: SavedRun) -> Part | None:
 <button type=button data-do=reset>Reset view</button><output></output></div>
 <figcaption id=scene-help>Drag or use the arrow keys to turn, + and − to come nearer, space to play, comma and point for
 the frame before and after, 0 to go back to the first view. One colour a swarm, blue when all are one; grey is dark, red
-has just gone dark; small grey dots are the places where FLSs belong. A shape may be right and stand beside its place:
-moved there, by the mean error of the lit FLSs, it is seen as HD is read.{esc(left_out)}</figcaption>
+has just gone dark; small grey dots are the places where the FLSs belong. A shape may be right and stand beside its
+place: moved there, by the mean error of the lit FLSs, it is seen as HD is read.{esc(left_out)}</figcaption>
 {data_block("scene-facts", facts)}{data_block("scene-data", packed.data)}</figure>"""
     return Part("replay", "The display through time", html)
 

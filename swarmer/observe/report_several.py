@@ -42,11 +42,12 @@ if TYPE_CHECKING:
 NOT_GROUPING = {"seed", "recording.enabled", "recording.rate_hz", "radio.port"}
 GRID = 240  # moments at which the runs of a group are compared
 CLOUDS_MAX = 4
+LABEL_MAX = 60  # characters of a group's name, which stands above every figure
 HD_FLOOR = 1e-9  # cells: the logarithm of nothing smaller is taken
 OTHERWISE = "unset"
 
 
-@dataclass
+@dataclass(eq=False)
 class Group:
     """Runs that differ in nothing but their seed."""
 
@@ -79,15 +80,40 @@ def groups_of(runs: Sequence[SavedRun]) -> tuple[list[Group], dict[str, list[Any
     differing = {
         name: values for name, values in values_of.items() if any(value != values[0] for value in values)
     }
-    telling = [name for name in differing if name not in NOT_GROUPING]
-    groups: dict[str, Group] = {}
+    telling = {name: values for name, values in differing.items() if name not in NOT_GROUPING}
+    names_shown = _enough(telling)
+    groups: dict[tuple[str, ...], Group] = {}
     for i, run in enumerate(runs):
-        label = ", ".join(f"{name} {_short(differing[name][i])}" for name in telling) or "all runs"
-        group = groups.setdefault(label, Group(label, []))
+        label = ", ".join(f"{name} {_short(telling[name][i])}" for name in names_shown) or "all runs"
+        which = tuple(text_of(values[i]) for values in telling.values())
+        if which not in groups:
+            groups[which] = Group(_cut(label, len(groups) + 1), [])
+        group = groups[which]
         group.runs.append(run)
         if (data := data_of(run)) is not None:
             group.data.append(data)
     return list(groups.values()), differing
+
+
+def _cut(label: str, number: int) -> str:
+    """A name that is too long ends in its number, so that no two are the same."""
+    return label if len(label) <= LABEL_MAX else f"{label[: LABEL_MAX - 6]}… #{number}"
+
+
+def _enough(telling: dict[str, list[Any]]) -> list[str]:
+    """So few settings that they tell apart what all together do: the others stand in the table.
+
+    >>> _enough({"engine": ["rounds", "virtual"], "rounds.m": [2, 3], "lambda_ms": [5, 5]})
+    ['engine']
+    """
+    found: list[str] = []
+    told = 1
+    for name in telling:
+        tried = [telling[one] for one in (*found, name)]
+        number = len({tuple(map(text_of, row)) for row in zip(*tried, strict=True)})
+        if number > told:
+            found, told = [*found, name], number
+    return found
 
 
 def _settings(run: SavedRun) -> dict[str, Any]:
@@ -230,7 +256,8 @@ def overlay(one: Overlay, groups: Sequence[Group]) -> Figure | Absent:
         axes = canvas.add_subplot()
         if one.scale != "linear":
             logarithmic(axes, zero=one.scale == "counts")
-        for i, (group, (t, middle, low, high)) in enumerate(bands):
+        for group, (t, middle, low, high) in bands:
+            i = groups.index(group)  # in each figure the same colour
             colour, dash = LINES[i % len(LINES)], DASHES[i // 2 % len(DASHES)]
             shown = middle > 0 if one.scale == "log" else np.isfinite(middle)
             axes.plot(t[shown], middle[shown], color=colour, linestyle=dash, label=group.name)

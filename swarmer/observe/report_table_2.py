@@ -33,6 +33,18 @@ def _value(name: str, factor: float = 1.0) -> Callable[[Summary], float | None]:
     return read
 
 
+def _each(name: str, total: str) -> Callable[[Summary], float | None]:
+    """A mean of one FLS, or the rounds engine's total divided by their number."""
+
+    def read(summary: Summary) -> float | None:
+        value, cells_of_all, points = (summary.get(one) for one in (name, total, "points"))
+        if value is None and isinstance(cells_of_all, (int, float)) and points:
+            return cells_of_all / points
+        return value if isinstance(value, (int, float)) else None
+
+    return read
+
+
 def expired_share(summary: Summary) -> float | None:
     """Leases expired, % of those granted; None where none was granted."""
     expired, granted = summary.get("leases_expired"), summary.get("leases_granted")
@@ -49,8 +61,8 @@ ROWS = (
     Row("Leases expired", _value("leases_expired"), count),
     Row("Leases expired, % of granted", expired_share, lambda value: f"{value:.2f}"),
     Row("Average distance, cells", _value("distance_cells_mean"), cells),
-    Row("of it localizing", _value("localizing_cells_mean"), cells),
-    Row("of it following", _value("following_cells_mean"), cells),
+    Row("of it localizing", _each("localizing_cells_mean", "distance_localizing_cells"), cells),
+    Row("of it following", _each("following_cells_mean", "distance_swarm_cells"), cells),
     Row("HD at the end, cells", _value("hd_cells"), cells),
 )
 

@@ -257,6 +257,14 @@ def test_failures_are_shown_where_there_are_some(finished_run, quick):
     assert [row[2] for row in rows[1:]][29:41] == ["0", *["1"] * 10, "0"]
 
 
+def test_a_short_formation_is_drawn_once_more(finished_run, quick):
+    run = load(finished_run)
+    assert "formation" not in Page(make_report([run])).ids
+    run.summary["time_to_hd_s"] = {"1": 1.0, "0.1": 2.0, "0.01": None}
+    rows = csv_data(Page(make_report([run])), "formation")
+    assert (rows[0], rows[1][0], rows[-1][0]) == (["t_s", "hd_cells", "swarms"], "0.0", "2.5")
+
+
 def test_a_newer_format_is_told(finished_run, tmp_path, quick):
     run = shutil.copytree(finished_run, tmp_path / "run")
     summary = json.loads((run / "summary.json").read_text())
@@ -342,5 +350,5 @@ def test_settings_are_compared_with_the_preset_of_the_command():
 
 
 def test_every_figure_is_named_once():
-    assert len(set(report.FIGURES)) == len(report.FIGURES) == 14
+    assert len(set(report.FIGURES)) == len(report.FIGURES) == 15
     assert SECONDS.column != ROUNDS.column

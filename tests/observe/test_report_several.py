@@ -34,6 +34,30 @@ def test_seeds_are_grouped_by_what_else_differs(six):
     assert set(differing) == {"lambda_ms", "seed"}
 
 
+def test_names_of_groups_are_short_and_told_apart(six):
+    runs = [load(path) for path in six[:3]]
+    for i, run in enumerate(runs):
+        run.config |= {
+            "lambda_ms": i // 2,
+            "technique": "x" * 50 + str(i // 2),
+            "eta": i,
+            "deploy": {"a": "y" * 39 + str(i)},
+        }
+    groups, differing = groups_of(runs)
+    assert [group.label for group in groups] == [
+        "lambda_ms 0, eta 0",
+        "lambda_ms 0, eta 1",
+        "lambda_ms 1, eta 2",
+    ]
+    assert len(differing) == 5
+    for run in runs:
+        run.config = {"z" * 70: run.config["eta"], "shape": "ball"}
+    names = [group.label for group in groups_of(runs)[0]]
+    assert len(set(names)) == 3
+    assert max(map(len, names)) <= 60
+    assert "…" in names[0]
+
+
 def test_several_runs_are_compared(six, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = write_report(six).read_text()
@@ -140,5 +164,7 @@ def test_table_2_has_the_paper_s_rows():
     assert cell(rows["Localizations"], [{"localizations": 5}]) == "5"
     assert cell(rows["Localizations"], [{"localizations": None}, {}]) == "–"
     assert cell(rows["Localizations"], [{"localizations": 5}, {}]) == "5 (1/2)"
+    rounds = {"points": 40, "distance_localizing_cells": 80.0, "localizing_cells_mean": None}
+    assert cell(rows["of it localizing"], [rounds]) == "2.00"
     assert expired_share({"leases_expired": 3, "leases_granted": 60}) == 5.0
     assert expired_share({"leases_expired": 0, "leases_granted": 0}) is None
