@@ -53,7 +53,7 @@ test: $(VENV)/dev.stamp
 	@$(BIN)/python -m pytest $(ARGS)
 
 fast: $(VENV)/dev.stamp
-	@$(BIN)/python -m pytest -q -m "not slow and not processes" $(ARGS)
+	@$(BIN)/python -m pytest -q -m "not slow and not processes and not web" $(ARGS)
 
 bench: $(VENV)/dev.stamp
 	@$(BIN)/python scripts/bench.py

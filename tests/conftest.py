@@ -1,4 +1,7 @@
-"""What holds for all tests: hypothesis draws the same examples in every run, unless fresh ones are asked for."""
+"""What holds for all tests: hypothesis draws the same examples in every run, unless fresh ones are asked for.
+
+Tests of pages that were skipped for want of a browser are told in capitals at the end.
+"""
 
 import os
 
@@ -16,3 +19,11 @@ def pytest_addoption(parser):
         action="store_true",
         help="write into tests/scenarios and docs/explain.md what scenarios and commands give now, not comparing",
     )
+
+
+def pytest_terminal_summary(terminalreporter):
+    skipped = [report for report in terminalreporter.stats.get("skipped", ()) if "web" in report.keywords]
+    if skipped:
+        reasons = {report.longrepr[2].removeprefix("Skipped: ") for report in skipped}
+        terminalreporter.section("PAGES WERE NOT TESTED", red=True, bold=True)
+        terminalreporter.line(f"{len(skipped)} TESTS WERE SKIPPED: {'; '.join(sorted(reasons))}", red=True)

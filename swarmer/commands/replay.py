@@ -11,6 +11,8 @@ from click.core import ParameterSource
 if TYPE_CHECKING:
     from swarmer.observe.saved_run import SavedRun
 
+CUT = "the run did not close its recording: it was killed, or still goes on; this is what is whole"
+
 
 @click.command("replay")
 @click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
@@ -31,20 +33,19 @@ if TYPE_CHECKING:
 @click.option(
     "--port",
     type=click.IntRange(1, 65535),
-    default=9090,
-    show_default=True,
-    help="With --web: of the page, or the next free one.",
+    help="With --web: of the page. [default: 9090, or a free one if that is taken]",
 )
 @click.pass_context
 def command(
-    context: click.Context, run: Path, again: bool, web: bool, terminal: bool, speed: float, port: int
+    context: click.Context, run: Path, again: bool, web: bool, terminal: bool, speed: float, port: int | None
 ) -> None:
     """Play a recorded run: in rerun's desktop viewer, or as the options say.
 
-    A recording that was cut short is played as far as it is whole. --again plays nothing: it proves that a run of the
-    virtual engine is what its seed and its settings make of it, and ends with status 1 if it is not.
+    A run that was killed, or still goes on, is played as far as it is whole. In the terminal: space pauses, the arrows
+    go back and forth, a and d turn, q ends. --again plays nothing: it proves that a run of the virtual engine is what
+    its seed and its settings make of it, and ends with status 1 if it is not.
     """
-    from swarmer.observe.saved_run import check_run_directory, load
+    from swarmer.observe.saved_run import check_run_directory, newer_in
 
     if web + terminal + again > 1:
         raise click.UsageError("--web and --terminal are two ways to watch, --again runs anew; choose one")
@@ -56,105 +57,121 @@ def command(
 
         run_again(run)
         return
-    if terminal:
-        saved = load(run)
-        _tell(saved)
-        _play_in_terminal(saved, speed)
-        return
     check_run_directory(run)
-    if web:
-        _serve(_recording(run), port)
+    for line in newer_in(run):
+        click.echo(f"note: {line}", err=True)
+    if terminal:
+        _play_in_terminal(run, speed)
+    elif web:
+        _serve(run, port)
     else:
-        _show(_recording(run))
+        _show(run)
 
 
-def _tell(saved: SavedRun) -> None:
-    """What of the timeline is not there, on stderr."""
-    for line in saved.missing:
-        if line.startswith("timeline"):
-            click.echo(f"note: {line}", err=True)
-
-
-def _play_in_terminal(saved: SavedRun, speed: float) -> None:
-    import shutil
+def _play_in_terminal(run: Path, speed: float) -> None:
+    import os
     import sys
 
     from swarmer.errors import BadInput
+    from swarmer.observe.saved_run import load
     from swarmer.observe.terminal_player import play, stills
+    from swarmer.observe.terminal_screen import Screen
+    from swarmer.observe.terminal_view import Means, means_of
 
+    saved = load(run)
+    for line in saved.missing:
+        if line.startswith("timeline"):
+            click.echo(f"note: {line}", err=True)
     if saved.timeline is None or not len(saved.timeline.t_s):
-        raise BadInput(
-            "run", str(saved.path), "it has no timeline that can be read; is there a recording? try --web"
-        )
-    if sys.stdout.isatty():
-        size = shutil.get_terminal_size()
-        play(saved.timeline, sys.stdout, speed, size.columns, size.lines)
-    else:
-        stills(saved.timeline, sys.stdout)
+        raise BadInput("run", str(run), "it has no timeline that can be read" + _instead(saved, "--web"))
+    if not sys.stdout.isatty() or os.environ.get("TERM", "dumb") == "dumb":
+        stills(saved.timeline, sys.stdout, Means(braille=means_of(sys.stdout).braille))
+        return
+    with Screen.standard() as screen:
+        play(saved.timeline, screen, speed, means_of(sys.stdout), f"{saved.name}: {saved.shape}")
+
+
+def _instead(saved: SavedRun, way: str) -> str:
+    """What else to try, if there is anything else to show."""
+    there = saved.timeline is not None if way == "--terminal" else saved.recording() is not None
+    return f"; try {way}" if there else ", nor anything else that can be played"
 
 
 def _recording(run: Path) -> Path:
-    """The recording as far as it is whole. Raises BadInput where there is none."""
+    """The recording, whole or partial. Raises BadInput where there is none."""
     from swarmer.errors import BadInput
-    from swarmer.observe.files import PARTIAL
+    from swarmer.observe.recording_file import is_whole
     from swarmer.observe.run_directory import RECORDING
-    from swarmer.observe.saved_run import existing
+    from swarmer.observe.saved_run import existing, load
 
     path = existing(run, RECORDING)
-    if path is None:
-        raise BadInput(
-            "run", str(run), "it has no recording (was it run with --no-recording?); try --terminal"
-        )
+    if path is None or not path.is_file():
+        why = "it has no recording (was it run with --no-recording?)"
+        raise BadInput("run", str(run), why + _instead(load(run), "--terminal"))
     if path.stat().st_size == 0:
-        raise BadInput("run", str(run), "its recording is empty; try --terminal")
-    if path.name.endswith(PARTIAL):
-        click.echo("note: the run ended before its recording was closed; playing what is whole", err=True)
+        raise BadInput("run", str(run), "its recording is empty" + _instead(load(run), "--terminal"))
+    if not is_whole(path):
+        click.echo(f"note: {CUT}", err=True)
     return path
 
 
-def _show(path: Path) -> None:
+def _show(run: Path) -> None:
     """The desktop viewer, until it is closed."""
-    import subprocess
-
     from swarmer.errors import RunFailed
-    from swarmer.observe.viewer import display_available, free_port, native_command, playable
+    from swarmer.observe.recording_file import readable
+    from swarmer.observe.viewer import display_available, free_port, native_command
+    from swarmer.observe.viewer_process import end, start
 
+    path = _recording(run)
     if not display_available():
         raise RunFailed(
             "there is no display for the desktop viewer; use `swarmer replay --web` or `--terminal`"
         )
-    with playable(path) as file:
-        status = subprocess.run(native_command((file,), free_port()), check=False).returncode
+    _leave_on_sigterm()
+    with readable(path) as file:
+        viewer = start(native_command((file,), free_port()), quiet=False)
+        try:
+            status = viewer.wait()
+        finally:
+            end(viewer)
     if status:
         raise RunFailed(
             f"the viewer ended with status {status}; `swarmer replay --web` or `--terminal` may do better"
         )
 
 
-def _serve(path: Path, port: int) -> None:
-    """The web viewer, until Ctrl-C or SIGTERM."""
-    import signal
-    import subprocess
-    import sys
+def _serve(run: Path, port: int | None) -> None:
+    """The page, until Ctrl-C or SIGTERM."""
+    from swarmer.observe.recording_file import is_whole, readable
+    from swarmer.observe.replay_server import bound_server, page_files, viewer_files
 
-    from swarmer.errors import RunFailed
-    from swarmer.observe.viewer import answers, free_port, playable, web_address, web_command
-
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # the server ends with us
-    grpc, page = free_port(), free_port(port)
-    with playable(path) as file:
-        server = subprocess.Popen(
-            web_command((file,), grpc, page), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
+    path = _recording(run)
+    _leave_on_sigterm()
+    note = "" if is_whole(path) else CUT
+    with readable(path) as file, bound_server(file, port) as server:
+        server.files = {**page_files(run.resolve().name, note), **viewer_files()}
         try:
-            if not answers(page, 30.0):
-                raise RunFailed("the page did not come up; `swarmer replay --terminal` needs nothing")
-            click.echo(f"open {web_address(grpc, page)}")
-            click.echo("Ctrl-C ends it", err=True)
-            if server.wait():
-                raise RunFailed(f"the viewer's server ended with status {server.returncode}")
+            _tell_where(server.address)
+            server.serve_forever()
         except KeyboardInterrupt:
             return  # how one ends a page
-        finally:
-            server.terminate()
-            server.wait()
+
+
+def _tell_where(address: str) -> None:
+    from swarmer.observe.viewer import display_available
+
+    click.echo(f"open {address}")
+    if not display_available():
+        port = address.rstrip("/").rpartition(":")[2]
+        click.echo(
+            f"from another machine: ssh -L {port}:127.0.0.1:{port} HOST, and open the same there", err=True
+        )
+    click.echo("Ctrl-C ends it", err=True)
+
+
+def _leave_on_sigterm() -> None:
+    """From here on SIGTERM leaves in order: what was started ends with us."""
+    import signal
+    import sys
+
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))

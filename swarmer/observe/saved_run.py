@@ -107,7 +107,7 @@ def load(path: Path) -> SavedRun:
     run.summary = _read(run, SUMMARY, lambda file: _summary(run, json.loads(_text(file)))) or {}
     run.events = _read(run, EVENTS, lambda file: _events(run, file)) or []
     run.timeline = _timeline(run)
-    _tell_newer(run)
+    run.missing += newer_lines(run.summary, run.manifest)
     if run.recording() is None and not _wanted_none(run.config):
         run.missing.append(f"{RECORDING}: none")
     elif run.recording() not in (None, path / RECORDING):
@@ -121,15 +121,30 @@ def _wanted_none(config: dict[str, Any]) -> bool:
     return isinstance(recording, dict) and recording.get("enabled") is False
 
 
-def _tell_newer(run: SavedRun) -> None:
-    """Say so if a later version wrote it: what it has besides is not shown."""
-    for name, table, known in ((SUMMARY, run.summary, FORMAT), (MANIFEST, run.manifest, MANIFEST_FORMAT)):
+def newer_lines(summary: dict[str, Any], manifest: dict[str, Any]) -> list[str]:
+    """A line for each of them that a later version wrote: what it has besides is not shown."""
+    lines = []
+    for name, table, known in ((SUMMARY, summary, FORMAT), (MANIFEST, manifest, MANIFEST_FORMAT)):
         number = table.get("format")
         if isinstance(number, (int, float)) and number > known:
-            run.missing.append(
+            lines.append(
                 f"{name}: format {number:g}, newer than {known}, which this version of swarmer knows; "
                 "what is shown may lack something"
             )
+    return lines
+
+
+def newer_in(path: Path) -> list[str]:
+    """The same of a run directory, of which nothing else is read."""
+    return newer_lines(_mapping_in(path / SUMMARY), _mapping_in(path / MANIFEST))
+
+
+def _mapping_in(path: Path) -> dict[str, Any]:
+    """What a JSON file holds; nothing if that cannot be told."""
+    try:
+        return _mapping(json.loads(_text(path)))
+    except BROKEN:
+        return {}
 
 
 def check_run_directory(path: Path) -> None:

@@ -1,137 +1,148 @@
-"""A recorded run in the terminal: the swarm in braille dots, turning slowly, with its HD below."""
+"""A recorded run played in the terminal: it turns, pauses, goes to any moment; or a few still pictures in a pipe."""
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
-from typing import Any, TextIO
+from typing import TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
-from swarmer.observe.palette import Palette
 from swarmer.observe.saved_run import SavedTimeline
-from swarmer.observe.words import DOTS, braille_curve, cells, swarms
-from swarmer.shapes.views import View, seen_from, usual_view
+from swarmer.observe.terminal_screen import CLOSED, Screen
+from swarmer.observe.terminal_view import Means, Moment, Stage
 
-TURN_DEG_PER_S = 6.0  # of what the watcher's clock shows
-FRAMES_PER_S = 20.0
-CURVE_ROWS = 3
+SPIN_DEG_PER_S = 6.0  # of the watcher's clock
+FRAMES_PER_S = 12.0
+STEPS = 60  # an arrow goes this part of the run
+TURN_DEG = 15.0
+RAISED_DEG = 75.0  # at most, from where one looks at first
+SPEEDS = (0.01, 1000.0)
 STILLS = 5  # frames printed where nobody watches
-END = "\x1b[0m"
-BITS = np.array(DOTS).T  # row, column
+LINGER_S = 1.5  # at the end, where no key can come
+HELP = "q quit  space pause  ←→ time  a d w s turn  r spin  + - speed  , . sample  0-9 home end"
+PLAIN_HELP = HELP.replace("←→", "arrows")
+TURNS = {"a": (-1, 0), "d": (1, 0), "w": (0, 1), "s": (0, -1), "up": (0, 1), "down": (0, -1)}
 
 
-class Stage:
-    """A fixed window on the display: every picture of a run has the same place and scale."""
+class Player:
+    """Where in time and from where one looks; keys and the clock change it."""
 
-    def __init__(self, timeline: SavedTimeline, columns: int, rows: int, colour: bool) -> None:
-        """columns, rows: characters of the picture, without the lines below it."""
-        truth = timeline.truth
-        self.timeline, self.columns, self.rows, self.colour = timeline, columns, rows, colour
-        self._dim = 2 if np.ptp(truth[:, 2]) == 0 else 3
-        self._centre = (truth.min(axis=0) + truth.max(axis=0)) / 2
-        self._radius = max(float(np.linalg.norm(truth - self._centre, axis=1).max()), 0.5) * 1.02
-        self._palette = Palette(len(truth))
-        self._swarms = timeline.swarms()
-        shown = np.isfinite(timeline.hd_cells) & (timeline.hd_cells > 0)
-        self._log_hd = np.where(shown, np.log10(np.where(shown, timeline.hd_cells, 1.0)), np.nan)
+    def __init__(self, timeline: SavedTimeline, speed: float = 1.0) -> None:
+        """speed: emulated seconds per second."""
+        self._t_s = timeline.t_s
+        self.first_s, self.last_s = float(self._t_s[0]), float(self._t_s[-1])
+        self.now_s, self.speed = self.first_s, speed
+        self.paused, self.spinning = False, True
+        self.turned_deg = self.raised_deg = 0.0
 
-    def picture(self, at: int, turned_deg: float) -> str:
-        """Sample `at`, with the view turned so far: `rows` lines."""
-        start = usual_view(self._dim)
-        view = View(start.azimuth_deg + (turned_deg if self._dim == 3 else 0.0), start.elevation_deg)
-        lit = self.timeline.lit[at]
-        seen = seen_from(self.timeline.position[at].astype(float) - self._centre, view)
-        dots = min((2 * self.columns - 1), (4 * self.rows - 1)) / (2 * self._radius)
-        column = np.rint(seen[:, 0] * dots + self.columns).astype(np.int64)
-        row = np.rint(2 * self.rows - seen[:, 1] * dots).astype(np.int64)
-        inside = (column >= 0) & (column < 2 * self.columns) & (row >= 0) & (row < 4 * self.rows)
-        order = np.flatnonzero(inside)[np.argsort(seen[inside, 2])]
-        return self._lines(
-            column[order], row[order], self._palette.colours(self.timeline.swarm[at], lit)[order]
-        )
+    @property
+    def at(self) -> int:
+        """The sample that is shown: the last one that is not ahead."""
+        return max(0, int(np.searchsorted(self._t_s, self.now_s, side="right")) - 1)
 
-    def _lines(self, column: NDArray[Any], row: NDArray[Any], colours: NDArray[np.uint8]) -> str:
-        grid = np.zeros((self.rows, self.columns), dtype=np.int64)
-        np.bitwise_or.at(grid, (row // 4, column // 2), BITS[row % 4, column % 2])
-        front = np.zeros((self.rows, self.columns, 3), dtype=np.uint8)
-        front[row // 4, column // 2] = colours  # the nearest comes last
-        return "\n".join(_line(grid[i], front[i], self.colour) for i in range(self.rows))
+    @property
+    def ended(self) -> bool:
+        return self.now_s >= self.last_s
 
-    def facts(self, at: int) -> str:
-        """The line below the picture."""
-        timeline = self.timeline
-        return (
-            f"{timeline.t_s[at]:6.1f} of {timeline.t_s[-1]:.1f} s   HD {cells(timeline.hd_cells[at]):>7} cells   "
-            f"{swarms(int(self._swarms[at]))}   {int(timeline.lit[at].sum())}/{len(timeline.truth)} lit"
-        )
+    def moment(self) -> Moment:
+        """What a frame now shows."""
+        return Moment(self.at, self.turned_deg, self.raised_deg, self.paused or self.ended, self.speed)
 
-    def curve(self, at: int) -> list[str]:
-        """log10 HD up to sample `at`, CURVE_ROWS lines."""
-        finite = self._log_hd[np.isfinite(self._log_hd)]
-        if not len(finite):
-            return [""] * CURVE_ROWS
-        low, high = math.floor(finite.min()), max(math.ceil(finite.max()), math.floor(finite.min()) + 1)
-        step = max(1, (at + 1) // 400)
-        t_s, log_hd = self.timeline.t_s[: at + 1 : step].tolist(), self._log_hd[: at + 1 : step].tolist()
-        span = (0.0, max(float(self.timeline.t_s[-1]), 1e-9), float(low), float(high))
-        lines = braille_curve(t_s, log_hd, max(8, self.columns - 8), CURVE_ROWS, span)
-        labels = [f"{10.0**high:>6g}", "    HD", f"{10.0**low:>6g}"]
-        return [f"{label} {line}".rstrip() for label, line in zip(labels, lines, strict=True)]
+    def advance(self, passed_s: float) -> None:
+        """Let the watcher's clock go on."""
+        if self.spinning and not self.paused:
+            self.turned_deg = (self.turned_deg + passed_s * SPIN_DEG_PER_S) % 360
+        if not self.paused:
+            self.go(self.now_s + passed_s * self.speed)
 
-    def frame(self, at: int, turned_deg: float) -> str:
-        """Picture, facts and curve: rows + 1 + CURVE_ROWS lines."""
-        return "\n".join([self.picture(at, turned_deg), self.facts(at), *self.curve(at)])
+    def go(self, t_s: float) -> None:
+        """To a moment of the run, or to the end of it that is nearer."""
+        self.now_s = min(max(t_s, self.first_s), self.last_s)
 
+    def press(self, key: str) -> bool:
+        """Do what a key says; others do nothing. False: it is over."""
+        if key in ("q", "Q", CLOSED):
+            return False
+        span = self.last_s - self.first_s
+        arrows = {"left": -1, "right": 1, "page up": -STEPS / 10, "page down": STEPS / 10}
+        if key in arrows:
+            self.go(self.now_s + arrows[key] * span / STEPS)
+        elif key in TURNS:
+            self._turn(*TURNS[key])
+        elif key in (",", "."):
+            self._step(1 if key == "." else -1)
+        elif key in ("home", "end"):
+            self.go(self.first_s if key == "home" else self.last_s)
+        elif key.isdecimal() and len(key) == 1:
+            self.go(self.first_s + span * int(key) / 10)
+        elif key in ("+", "=", "-"):
+            factor = 0.5 if key == "-" else 2.0
+            self.speed = min(max(self.speed * factor, SPEEDS[0]), SPEEDS[1])
+        elif key == "space":
+            self._pause()
+        elif key == "r":
+            self.spinning = not self.spinning
+        return True
 
-def _line(bits: NDArray[np.int64], colours: NDArray[np.uint8], colour: bool) -> str:
-    text, last = [], ""
-    for dots, (red, green, blue) in zip(bits.tolist(), colours.tolist(), strict=True):
-        code = f"\x1b[38;2;{red};{green};{blue}m" if colour and dots else last
-        text.append((code if code != last else "") + (chr(0x2800 + dots) if dots else " "))
-        last = code
-    line = "".join(text).rstrip()
-    return line + END if last else line
+    def _turn(self, right: int, up: int) -> None:
+        self.spinning = self.spinning and not right
+        self.turned_deg = (self.turned_deg + right * TURN_DEG) % 360
+        self.raised_deg = min(max(self.raised_deg + up * TURN_DEG, -RAISED_DEG), RAISED_DEG)
+
+    def _step(self, samples: int) -> None:
+        self.paused = True
+        self.go(float(self._t_s[min(max(self.at + samples, 0), len(self._t_s) - 1)]))
+
+    def _pause(self) -> None:
+        if self.ended:  # once more from the beginning
+            self.paused = False
+            self.go(self.first_s)
+        else:
+            self.paused = not self.paused
 
 
 def play(
     timeline: SavedTimeline,
-    out: TextIO,
+    screen: Screen,
     speed: float,
-    columns: int,
-    rows: int,
+    means: Means,
+    title: str = "",
     clock: Callable[[], float] = time.monotonic,
-    sleep: Callable[[float], None] = time.sleep,
 ) -> None:
-    """Play to the end; columns, rows: of the whole terminal. Ctrl-C gives the terminal back and goes on up.
+    """Play until a key ends it; where no key can come, to the end and a moment longer.
 
-    speed: emulated seconds per second.
+    screen: taken already. speed: emulated seconds per second. A slow line gets fewer frames, never an older one.
     """
-    stage = Stage(timeline, columns - 1, max(4, rows - CURVE_ROWS - 2), colour=True)
-    out.write("\x1b[?1049h\x1b[?25l")
-    try:
-        begun, first = clock(), float(timeline.t_s[0])
-        while True:
-            passed = clock() - begun
-            at = int(np.searchsorted(timeline.t_s, first + passed * speed, side="right")) - 1
-            lines = stage.frame(max(at, 0), passed * TURN_DEG_PER_S).split("\n")
-            out.write("\x1b[H" + "".join(f"{line}\x1b[K\n" for line in lines) + "\x1b[J")
-            out.flush()
-            if at >= len(timeline.t_s) - 1:
-                sleep(1.5)
+    player, stage, drawn = Player(timeline, speed), None, None
+    before, help_line = clock(), HELP if means.braille else PLAIN_HELP
+    while True:
+        size = screen.size()
+        if stage is None or stage.size != size:
+            stage, screen.fresh = Stage(timeline, size, means, title), True
+        moment = player.moment()
+        if screen.fresh or moment != drawn:
+            try:
+                screen.show(stage.frame(moment, help_line if screen.interactive else ""))
+            except OSError:
+                return  # the terminal is gone
+            drawn = moment
+        if player.ended and not screen.interactive:
+            screen.keys(LINGER_S)
+            return
+        for key in screen.keys(1 / FRAMES_PER_S):
+            if not player.press(key):
                 return
-            sleep(1 / FRAMES_PER_S)
-    finally:
-        out.write(f"{END}\x1b[?25h\x1b[?1049l")
-        out.flush()
+        now = clock()
+        player.advance(now - before)
+        before = now
 
 
-def stills(timeline: SavedTimeline, out: TextIO, columns: int = 72, rows: int = 20) -> None:
-    """A few frames one below the other, without colours: for a file or a pipe."""
-    stage = Stage(timeline, columns, rows, colour=False)
+def stills(timeline: SavedTimeline, out: TextIO, means: Means, columns: int = 72, rows: int = 20) -> None:
+    """A few frames one below the other: for a file or a pipe."""
+    stage = Stage(timeline, (columns, rows + 7), means)
     last = len(timeline.t_s) - 1
     for at in dict.fromkeys(round(last * i / (STILLS - 1)) for i in range(STILLS)):
-        out.write(stage.picture(at, 0.0) + "\n" + stage.facts(at) + "\n\n")
-    out.write("\n".join(stage.curve(last)) + "\n")
+        lines = [*stage.picture(Moment(at)), f"{timeline.t_s[at]:6.1f} s   {stage.facts(at)}"]
+        out.write("\n".join(lines) + "\n\n")
+    out.write("\n".join(stage.curves(last)) + "\n")

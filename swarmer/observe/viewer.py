@@ -5,16 +5,14 @@ The viewer and its server listen on every interface unless told otherwise, so ea
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
 import os
 import shutil
 import socket
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from swarmer.errors import RunFailed
@@ -95,18 +93,3 @@ def answers(port: int, wait_s: float = 10.0) -> bool:
                 return True
         time.sleep(0.1)
     return False
-
-
-@contextlib.contextmanager
-def playable(recording: Path) -> Iterator[Path]:
-    """A path that the viewer takes for a recording, for as long as the block lasts.
-
-    The viewer goes by the ending .rrd, which a partial stream does not have: it gets a link in a temporary place.
-    """
-    if recording.suffix == ".rrd":
-        yield recording
-        return
-    with tempfile.TemporaryDirectory(prefix="swarmer-") as place:
-        link = Path(place) / "recording.rrd"
-        link.symlink_to(recording.resolve())
-        yield link

@@ -1,5 +1,10 @@
-import io
+import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
+import time
 
 import click
 import pytest
@@ -8,8 +13,6 @@ from click.testing import CliRunner
 from swarmer.commands.replay import command
 from swarmer.errors import BadInput, RunFailed
 from swarmer.observe import viewer
-from swarmer.observe.saved_run import load
-from swarmer.observe.terminal_player import play
 
 
 def replay(*args):
@@ -21,23 +24,6 @@ def test_piped_terminal_replay_is_a_few_pictures_without_codes(finished_run):
     assert text.count("40/40 lit") == 4
     assert "\x1b" not in text
     assert max(map(len, text.splitlines())) < 80
-
-
-def test_playing_ends_and_gives_the_terminal_back(finished_run):
-    out, now = io.StringIO(), [0.0]
-    play(
-        load(finished_run).timeline,
-        out,
-        2.0,
-        80,
-        24,
-        lambda: now[0],
-        lambda s: now.__setitem__(0, now[0] + s),
-    )
-    assert 4.0 <= now[0] <= 6.0  # 8 s at twice the speed, and a moment to look
-    assert out.getvalue().endswith("\x1b[?25h\x1b[?1049l")
-    frames = out.getvalue().split("\x1b[H")[1:]
-    assert {frame.count("\n") for frame in frames} == {23}
 
 
 def test_missing_or_foreign_directories_are_bad_input(tmp_path):
@@ -84,10 +70,74 @@ def test_viewers_listen_on_this_machine_only(tmp_path):
         assert line[line.index("--bind") + 1] == "127.0.0.1"
 
 
-def test_partial_recording_gets_a_name_the_viewer_takes(tmp_path):
-    partial = tmp_path / "recording.rrd.partial"
-    partial.write_bytes(b"x")
-    with viewer.playable(partial) as file:
-        assert (file.suffix, file.read_bytes()) == (".rrd", b"x")
-    assert not file.exists()
-    assert partial.exists()
+def test_a_run_of_a_later_format_is_shown_as_far_as_it_is_known(finished_run, tmp_path):
+    for name in ("manifest.json", "summary.json"):
+        run = shutil.copytree(finished_run, tmp_path / name)
+        data = json.loads((run / name).read_text())
+        (run / name).write_text(json.dumps({**data, "format": 2}))
+        played = replay(run, "--terminal")
+        assert f"note: {name}: format 2, newer than 1" in played.stderr
+        assert "40/40 lit" in played.stdout
+
+
+@pytest.mark.parametrize("left", [["timeline.npz"], ["timeline.npz", "events.csv"]])
+def test_of_an_incomplete_run_what_is_there_is_played(finished_run, tmp_path, left):
+    run = tmp_path / "run"
+    run.mkdir()
+    for name in left:
+        shutil.copy(finished_run / name, run)
+    assert "40/40 lit" in replay(run, "--terminal").output
+    with pytest.raises(BadInput, match=r"no recording.*; try --terminal"):
+        replay(run, "--web")
+
+
+def test_where_nothing_can_be_played_nothing_is_promised(finished_run, tmp_path):
+    shutil.copy(finished_run / "summary.json", tmp_path)
+    for way in ("--web", "--terminal"):
+        with pytest.raises(BadInput, match="nor anything else"):
+            replay(tmp_path, way)
+
+
+def test_the_desktop_viewer_ends_with_the_command(finished_run, tmp_path):
+    """A viewer that stays open until it is ended, and takes its time; SIGTERM to the command ends it, too."""
+    viewer = tmp_path / "viewer.py"
+    viewer.write_text(
+        "import pathlib, os, sys, time\n"
+        "assert sys.argv[1:3] == ['--bind', '127.0.0.1'] and sys.argv[-1].endswith('recording.rrd'), sys.argv\n"
+        f"pathlib.Path({str(tmp_path / 'pid')!r} + '-').write_text(str(os.getpid()))\n"
+        f"os.rename({str(tmp_path / 'pid')!r} + '-', {str(tmp_path / 'pid')!r})\n"
+        "time.sleep(60)\n"
+    )
+    code = (
+        "import sys; from swarmer.observe import viewer; from swarmer import cli\n"
+        f"viewer.rerun_command = lambda: [sys.executable, {str(viewer)!r}]\n"
+        f"sys.argv = ['swarmer', 'replay', {str(finished_run)!r}]; cli.main()"
+    )
+    for number, status in ((signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)):
+        with subprocess.Popen(
+            [sys.executable, "-c", code],
+            env={**os.environ, "DISPLAY": ":99"}, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        ) as process:  # fmt: skip
+            wait_for(lambda: (tmp_path / "pid").exists() or process.poll() is not None)
+            process.send_signal(number)
+            _, err = process.communicate(timeout=60)
+        assert (process.returncode, "Traceback" in err) == (status, False), err
+        pid = int((tmp_path / "pid").read_text())
+        (tmp_path / "pid").unlink()
+        wait_for(lambda: not alive(pid))  # noqa: B023 -- called at once
+
+
+def wait_for(condition):
+    end = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
