@@ -121,7 +121,7 @@ def test_what_goes_wrong_later_ends_the_run_and_says_whose_it_is(package, tmp_pa
 @pytest.mark.parametrize(
     ("body", "said"),
     [
-        ("def displacement(self, d, g):\n        return None if d[0] > 5 else d", "displacement gave None, not three"),
+        ("def displacement(self, d, g):\n        return d if (d, g) in TRIED else None", "displacement gave None, not"),
         ("def displacement(self, d, g):\n        return d\n"
          "    def displacements(self, d, g):\n        return d[:, :2]", "displacements gave an array float64(1"),
         ("references = 3\n    def fix(self, d, g, dim):\n        return (1, 2)", "fix gave (1, 2), not three numbers"),
@@ -129,7 +129,8 @@ def test_what_goes_wrong_later_ends_the_run_and_says_whose_it_is(package, tmp_pa
     ],
 )  # fmt: skip
 def test_the_rounds_engine_says_it_too(package, tmp_path, body, said):
-    name, choice = package("technique", f"class It:\n    {body}\n")
+    source = f"from swarmer.plugins.guard import TRIED\nclass It:\n    {body}\n"
+    name, choice = package("technique", source)
     settings = ["shape=sphere", "points=20", "engine=rounds", "recording.enabled=false", choice]
     outcome = perform(load_config(None, settings), tmp_path / "run")
     assert outcome.status == "failed"
