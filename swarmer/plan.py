@@ -148,14 +148,10 @@ def dimensioned(config: RunConfig, cloud: PointCloud) -> tuple[PointCloud, int]:
 
 def check_references(config: RunConfig, technique: str, count: int, dim: int) -> None:
     """Raises BadInput for a technique of several references in an engine, or a display, that has no use for it."""
-    from swarmer.plugins.guarded import who_is
+    from swarmer.plugins.guard import refusing
 
-    try:
-        needed = references_of(make_localizer(technique), dim)
-    except Exception as error:  # a user's own package
-        raise BadInput.saying(
-            f"technique: {who_is(config.technique)} cannot be made: {type(error).__name__}: {error}"
-        ) from error
+    with refusing():
+        needed = references_of(make_technique(technique), dim)
     if needed < 2:
         return
     if config.engine != "rounds":
@@ -343,15 +339,24 @@ def make_thaw_policy(rules: Rules, fid: int) -> ThawPolicy:
     return Never()
 
 
-def make_localizer(technique: str) -> Localizer:
-    """The technique at "module:class". Raises PluginFailed if another package's is not there."""
-    module, _, name = technique.partition(":")
+def make_technique(place: str) -> Any:
+    """The technique at "module:class", as it is. Raises PluginFailed if another package's is not there."""
+    module, _, name = place.partition(":")
     if module.startswith("swarmer."):
-        localizer: Localizer = getattr(import_module(module), name)()
+        return getattr(import_module(module), name)()
+    from swarmer.plugins import guard
+
+    return guard.make_technique(place)
+
+
+def make_localizer(place: str) -> Localizer:
+    """The technique at "module:class", for an FLS: another package's is watched, and raises PluginFailed."""
+    if place.startswith("swarmer."):
+        localizer: Localizer = make_technique(place)
         return localizer
     from swarmer.plugins.guard import GuardedLocalizer
 
-    return GuardedLocalizer(technique)
+    return GuardedLocalizer(place)
 
 
 def make_sensor_error(rules: Rules) -> SensorErrorModel:

@@ -99,10 +99,10 @@ def cpu_seconds(code):
 
 
 def setting_of(option):
-    """The setting that an option of `run` stands for: --lambda is lambda_ms."""
+    """The setting that an option of `run` stands for: --lambda is lambda_ms, --rounds is rounds.max_rounds."""
     name = option.removeprefix("--").replace("-", "_")
     facts = {fact.name: fact for fact in setting_facts()}
-    names = [name, *(f"{name}_{unit}" for unit in UNITS)]
+    names = [name, *(f"{name}_{unit}" for unit in UNITS), f"{name}.max_{name}"]
     return next((facts[one] for one in names if one in facts), None)
 
 

@@ -21,6 +21,7 @@ ERRORS = (
     (0.3, "on the way"),
     (0.01, "at the end"),
 )  # cells, of each coordinate
+SOON_MAX = 5_000  # points; beyond, slow ways are measured once
 NAIVE_MAX = 25_000  # points; beyond, the naive way takes minutes
 BLOCK = 1_000  # rows of the naive way's table of distances at a time
 COLUMNS = ("FLSs", "errors", "meter ms", "two k-d trees", "directed_hausdorff", "naive", "HD, cells")
@@ -52,7 +53,10 @@ def row(repeat: int, count: int, spread: float, when: str) -> tuple[object, ...]
         del ways["naive"], ways["scipy"]
     values = {name: way() for name, way in ways.items()}
     assert np.ptp(list(values.values())) < 1e-9, values
-    took = {name: median_of(max(1, repeat), partial(seconds, way)) for name, way in ways.items()}
+    slow = {name for name in ("scipy", "naive") if count > SOON_MAX}
+    took = {
+        name: median_of(1 if name in slow else repeat, partial(seconds, way)) for name, way in ways.items()
+    }
     return (
         f"{count:,}", when, 1e3 * took["meter"],
         *(times(took[name] / took["meter"]) if name in took else "-" for name in ("trees", "scipy", "naive")),

@@ -153,6 +153,7 @@ class _Run:
             alive=everybody.copy(),
             counters=self._counters(),
             live=NO_HEALTH,
+            flown=self.world.by_point(self.world.flown),
             hd_cells=hd,
         )
         if self.observer.sample(snapshot):
@@ -168,6 +169,8 @@ class _Run:
             "thaws": self.thaws,
             "thaws_at_one_swarm": len(self.formations),
             "distance_cells": self.world.flown_cells,
+            "localizing_cells": sum(row.localizing_cells for row in self.rows),
+            "following_cells": sum(row.swarm_cells for row in self.rows),
         }
 
     def _sum_up(self) -> None:
@@ -182,8 +185,8 @@ class _Run:
             "converged": self.converged,
             "first_single_swarm_round": self.formations[0] if self.formations else None,
             "formation_rounds": self.formations,
-            "distance_localizing_cells": sum(row.localizing_cells for row in self.rows),
-            "distance_swarm_cells": sum(row.swarm_cells for row in self.rows),
+            "distance_localizing_cells": result.counters["localizing_cells"],
+            "distance_swarm_cells": result.counters["following_cells"],
         }
         if self.technique.references != 1:  # no swarms: the HD at the end says it
             hd = self.rows[-1].hd_cells

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from swarmer.engines.rounds_groups import Groups
 from swarmer.engines.rounds_links import Rows, Swarms, Vectors, ranges
+from swarmer.engines.rounds_world import FOLLOWING, LOCALIZING
 from swarmer.physics.dead_reckoning_arrays import lengths
 
 if TYPE_CHECKING:
@@ -55,10 +56,10 @@ def carry_out(
         swarm_cells += float((length * (swarms.sizes[swarm] - 1)).sum())
         if not technique.has_legs:
             localizing += float(length.sum())
-            world.fly(members, vectors[of])
+            world.fly(members, vectors[of], np.where(members == j[of], LOCALIZING, FOLLOWING))
             continue
         follows = members != j[of]
-        world.fly(members[follows], vectors[of[follows]])
+        world.fly(members[follows], vectors[of[follows]], FOLLOWING)
         localizing += _fly_legs(world, technique, j, measured[flies], ground_truth[flies], exact_first_leg)
     return Moves(flown, localizing, swarm_cells)
 

@@ -64,7 +64,7 @@ class SwarmRounds:
         self.xi = np.arange(len(self._world))
 
     def step(self) -> Step:
-        """Play one round. Raises BrokenTechnique."""
+        """Play one round. Raises PluginFailed."""
         swarms = Swarms.of_ids(self.xi)
         groups = self._groups(swarms)
         moves = carry_out(

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 Vectors = NDArray[np.float64]
 Rows = NDArray[np.int64]
+LOCALIZING, FOLLOWING = 0, 1  # why an FLS flies
 SAMPLE = 90  # FLSs that the paper's translation is taken from
 
 
@@ -31,6 +32,7 @@ class World:
         self.truth: Vectors = plan.cloud.points[self.point]
         self.dim = plan.rules.dim
         self.flown_cells = 0.0  # by all FLSs, deployment included
+        self.flown: Vectors = np.zeros((plan.size, 2))  # cells of each FLS: localizing, following
         model = config.rounds.dead_reckoning
         self._reckon = MODELS[plan.rules.dead_reckoning if model == "flight" else model]
         self._epsilon = plan.rules.epsilon
@@ -72,16 +74,20 @@ class World:
         self._count(np.arange(len(self)), flown)
         return start + flown
 
-    def fly(self, rows: Rows, vectors: Vectors, exact: bool = False) -> None:
-        """FLSs fly vectors (n, 3), each with an error of its own; `exact`: without. Vectors of length 0 fly nothing."""
+    def fly(self, rows: Rows, vectors: Vectors, why: Rows | int = LOCALIZING, exact: bool = False) -> None:
+        """Different FLSs fly vectors (n, 3), each with an error of its own; `exact`: without. Length 0 flies nothing.
+
+        why: LOCALIZING or FOLLOWING, for all or for each.
+        """
         flown = vectors if exact else self._reckon(vectors, self._epsilon, self.dim, self._flights)
         self.position[rows] += flown
-        self._count(rows, vectors)
+        self.flown[rows, why] += self._count(rows, vectors)
 
-    def _count(self, rows: Rows, flown: Vectors) -> None:
+    def _count(self, rows: Rows, flown: Vectors) -> NDArray[np.float64]:
         length = lengths(flown)
         self.last_flight[rows] = length
         self.flown_cells += float(length.sum())
+        return length
 
 
 class HdReader:

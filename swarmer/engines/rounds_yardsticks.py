@@ -71,7 +71,7 @@ class YardstickRounds:
         return sure
 
     def step(self) -> Step | None:
-        """Play one round; None if nobody has a reason to move. Raises BrokenTechnique."""
+        """Play one round; None if nobody has a reason to move. Raises PluginFailed."""
         movers = self._movers()
         if not len(movers):
             return None

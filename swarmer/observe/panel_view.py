@@ -35,7 +35,6 @@ class View:
     title: str = ""
     size: int = 0  # F
     duration_s: float = 0.0
-    unit: str = "s"  # or "rounds"
     until_hd_cells: float | None = None
     late_bound_ms: float = math.inf  # half a lease
     t_s: float = 0.0
@@ -52,6 +51,7 @@ class View:
     handled_per_s: float | None = None
     live: Live = UNKNOWN
     curve: list[tuple[float, float]] = field(default_factory=list)  # (t_s, HD)
+    unit: str = "s"  # or "rounds"
 
     @property
     def eta_s(self) -> float | None:

@@ -16,9 +16,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
+from swarmer.entry_points import TECHNIQUES
 from swarmer.messages import Vec3
 
-ENTRY_POINTS = "swarmer.localizers"
+ENTRY_POINTS = TECHNIQUES
 
 
 class NoFix(Exception):

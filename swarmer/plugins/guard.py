@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from importlib import import_module
 from numbers import Real
 from random import Random
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from swarmer.entry_points import SENSOR_ERRORS, TECHNIQUES, THAW_POLICIES, at
 from swarmer.errors import BadInput, PluginFailed, shown
@@ -77,6 +77,10 @@ class Watched:
         except Exception as error:
             raise PluginFailed(f"{self.lead}: {what} {_said(error)}") from error
 
+    def fail(self, what: str) -> NoReturn:
+        """Raises PluginFailed for something that nobody called."""
+        raise PluginFailed(f"{self.lead}: {what}")
+
     @property
     def lead(self) -> str:
         """`technique: 'damped' of the package swarmer-damped 0.1`."""
@@ -85,7 +89,7 @@ class Watched:
 
     def loaded(self) -> Any:
         """The class or function itself."""
-        return self.call("cannot be imported:", _itself, load, self._place)
+        return self.call("cannot be imported:", as_it_is, load, self._place)
 
 
 def _said(error: Exception) -> str:
@@ -95,21 +99,28 @@ def _said(error: Exception) -> str:
     return f"raised {type(error).__name__}" + (f": {shown(text)[1:-1]}" if text else "")
 
 
-def _itself(value: Any) -> Any:
+def as_it_is(value: Any) -> Any:
+    """What needs no check."""
     return value
 
 
 # -- techniques --------------------------------------------------------------------------------------------------------
 
 
+def make_technique(place: str) -> Any:
+    """The technique at "module:class", as it is: whoever calls it is to watch it. Raises PluginFailed."""
+    watched = Watched(TECHNIQUES, place)
+    return watched.call("made without arguments", _technique, watched.loaded())
+
+
 class GuardedLocalizer(Watched):
-    """A technique of another package."""
+    """A technique of another package that needs one reference."""
 
     __slots__ = ("_inner", "legs")
 
     def __init__(self, place: str) -> None:
         super().__init__(TECHNIQUES, place)
-        self._inner = self.call("made without arguments", _technique, self.loaded())
+        self._inner = make_technique(place)
         if hasattr(self._inner, "legs"):
             self.legs = self._legs
 
@@ -124,27 +135,33 @@ class GuardedLocalizer(Watched):
     def _legs(self, measured: Vec3, ground_truth: Vec3) -> tuple[Vec3, ...]:
         legs: tuple[Vec3, ...] = self.call(
             f"legs({_short(measured)}, {_short(ground_truth)})",
-            _legs_of, self._inner.legs, measured, ground_truth,
+            legs_of, self._inner.legs, measured, ground_truth,
         )  # fmt: skip
         return legs
 
 
 def try_localizer(place: str) -> None:
-    """Ask a technique some questions that have an answer. Raises BadInput."""
-    with _refusing():
+    """Ask a technique some questions that have an answer. Raises BadInput.
+
+    One that needs several references is only made: which of them have an answer nobody knows.
+    """
+    with refusing():
         localizer = GuardedLocalizer(place)
+        if hasattr(make_technique(place), "fix"):
+            return
         for measured, ground_truth in TRIED:
             localizer.displacement(measured, ground_truth)
             getattr(localizer, "legs", lambda *_: ())(measured, ground_truth)
 
 
 def _technique(value: Any) -> Any:
-    if not hasattr(value, "displacement"):
+    if not hasattr(value, "displacement") and not hasattr(value, "fix"):
         raise ValueError(f"gave {shown(value)}, which has no displacement")
     return value
 
 
-def _legs_of(value: Any) -> tuple[Vec3, ...]:
+def legs_of(value: Any) -> tuple[Vec3, ...]:
+    """One vector or more. Raises ValueError, which says what it is instead."""
     legs = tuple(map(vector_of, value))
     if not legs:
         raise ValueError(f"gave {shown(value)}, not one leg or more")
@@ -165,7 +182,7 @@ def make_sensor_error(place: str, share: float, accurate_probability: float) -> 
 
 def try_sensor_error(place: str, share: float, accurate_probability: float) -> None:
     """Draw some errors. Raises BadInput."""
-    with _refusing():
+    with refusing():
         draw, rng = make_sensor_error(place, share, accurate_probability), Random(1)
         for _ in range(20):
             draw(rng)
@@ -195,30 +212,30 @@ class GuardedPolicy(Watched):
         return delay
 
     def begins(self, me: Any) -> None:
-        self.call("begins", _itself, self._inner.begins, me)
+        self.call("begins", as_it_is, self._inner.begins, me)
 
     def joined(self, me: Any, left: Any) -> None:
-        self.call("joined", _itself, self._inner.joined, me, left)
+        self.call("joined", as_it_is, self._inner.joined, me, left)
 
     def report_due(self, me: Any) -> bool:
-        return bool(self.call("report_due", _itself, self._inner.report_due, me))
+        return bool(self.call("report_due", as_it_is, self._inner.report_due, me))
 
     def counted(self, me: Any, message: Any) -> bool:
-        return bool(self.call("counted", _itself, self._inner.counted, me, message))
+        return bool(self.call("counted", as_it_is, self._inner.counted, me, message))
 
     def called(self, me: Any, message: Any) -> None:
-        self.call("called", _itself, self._inner.called, me, message)
+        self.call("called", as_it_is, self._inner.called, me, message)
 
     def announced(self, me: Any, message: Any) -> bool:
-        return bool(self.call("announced", _itself, self._inner.announced, me, message))
+        return bool(self.call("announced", as_it_is, self._inner.announced, me, message))
 
     def aborted(self, me: Any, message: Any) -> None:
-        self.call("aborted", _itself, self._inner.aborted, me, message)
+        self.call("aborted", as_it_is, self._inner.aborted, me, message)
 
 
 def try_policy(place: str, count: int, h_s: float, spread: float, epochs: bool) -> None:
     """Make one, and ask it for some delays. Raises BadInput."""
-    with _refusing():
+    with refusing():
         policy, rng = GuardedPolicy(place, count, h_s, spread), Random(1)
         for _ in range(20):
             policy.delay_s(rng)
@@ -252,7 +269,7 @@ def _short(vector: Vec3) -> str:
 
 
 @contextlib.contextmanager
-def _refusing() -> Iterator[None]:
+def refusing() -> Iterator[None]:
     """Within it, what a plugin does wrong is bad input: nothing has begun yet."""
     try:
         yield

@@ -171,6 +171,10 @@ def test_distances_add_up():
     flown = result.extra["distance_localizing_cells"] + result.extra["distance_swarm_cells"]
     deployed = np.linalg.norm(watcher.samples[0].position, axis=1).sum()
     assert result.counters["distance_cells"] == pytest.approx(flown + deployed)
+    by_fls = watcher.samples[-1].flown
+    assert by_fls.sum(axis=0) == pytest.approx(
+        [result.counters["localizing_cells"], result.counters["following_cells"]]
+    )
     assert result.counters["localizations"] == sum(row.localizing for row in result.round_rows)
 
 

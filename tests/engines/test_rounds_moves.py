@@ -80,5 +80,8 @@ def test_a_technique_that_answers_no_vectors_ends_the_round(monkeypatch):
     world, technique = world_at(PLACES)
     plugin = type("Bad", (), {"displacements": lambda self, d, g: d[:, :2]})()
     monkeypatch.setattr(technique, "_plugin", plugin)
-    with pytest.raises(RunFailed, match=r"technique signal_strength \(package swarmer\) answered an array"):
+    with pytest.raises(
+        RunFailed,
+        match=r"technique: 'signal_strength' of the package swarmer .*: displacements gave an array",
+    ):
         carry_out(world, technique, Swarms.of_ids(np.arange(4)), groups((1, 0, 1, 0, 1)))

@@ -118,6 +118,33 @@ def test_what_goes_wrong_later_ends_the_run_and_says_whose_it_is(package, tmp_pa
     assert outcome.summary["message"] == outcome.message
 
 
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("def displacement(self, d, g):\n        return d if (d, g) in TRIED else None", "displacement gave None, not"),
+        ("def displacement(self, d, g):\n        return d\n"
+         "    def displacements(self, d, g):\n        return d[:, :2]", "displacements gave an array float64(1"),
+        ("references = 3\n    def fix(self, d, g, dim):\n        return (1, 2)", "fix gave (1, 2), not three numbers"),
+        ("references = 3\n    def fix(self, d, g, dim):\n        return d[7]", "fix raised IndexError"),
+    ],
+)  # fmt: skip
+def test_the_rounds_engine_says_it_too(package, tmp_path, body, said):
+    source = f"from swarmer.plugins.guard import TRIED\nclass It:\n    {body}\n"
+    name, choice = package("technique", source)
+    settings = ["shape=sphere", "points=20", "engine=rounds", "recording.enabled=false", choice]
+    outcome = perform(load_config(None, settings), tmp_path / "run")
+    assert outcome.status == "failed"
+    assert outcome.message.startswith(f"technique: '{name}' of the package {name}-package 2: {said}")
+
+
+def test_what_needs_several_references_is_refused_where_there_is_one(package):
+    _, choice = package(
+        "technique", "class It:\n    references = 3\n    def fix(self, d, g, dim):\n        return d[0]\n"
+    )
+    with pytest.raises(BadInput, match="needs 3 references"):
+        make_plan(load_config(None, [*BASE, choice]))
+
+
 @pytest.mark.processes
 def test_an_fls_process_says_it_before_it_ends(package, tmp_path):
     # Good while the run is planned, and not in an FLS process, which has no numpy.
