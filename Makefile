@@ -1,4 +1,4 @@
-# make run | test | bench | soak | lint | docs | clean, and for oneself: fast | fix
+# make run | test | bench | soak | paper | lint | docs | clean, and for oneself: fast | fix
 # PYTHON=python3.12 make run     another interpreter, 3.11 or newer
 
 PYTHON  ?= python3
@@ -9,13 +9,14 @@ PIP     := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip install -qq -c c
 FILES   := pyproject.toml constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: run test fast bench soak lint fix docs clean help
+.PHONY: run test fast bench soak paper lint fix docs clean help
 .DELETE_ON_ERROR:
 
 help:
 	@echo "make run    the dragon, from a bare checkout to its report"
 	@echo "make test   the whole suite            make fast   without the slow tests"
 	@echo "make lint   style, types, imports      make fix    what can be put right by itself"
+	@echo "make paper  the paper's figures made again, quickly, into docs/paper.md"
 	@echo "make soak   seeded faults, SECONDS=$(SECONDS)    make bench  the speed tables"
 	@echo "make docs   the pages, in site/        make clean  remove what was made"
 
@@ -60,6 +61,9 @@ bench: $(VENV)/dev.stamp
 
 soak: $(VENV)/dev.stamp
 	@$(BIN)/python scripts/soak.py --seconds $(SECONDS)
+
+paper: $(VENV)/user.stamp
+	@$(BIN)/python scripts/paper_page.py
 
 lint: $(VENV)/dev.stamp
 	@$(BIN)/ruff check .
