@@ -36,6 +36,7 @@ class Move:
     swarm: str  # that is told
     lost_at_sender: bool
     members: set[int]  # of that swarm, besides the localizer
+    vector: tuple[float, float, float]  # cells
     flights: list[Flight] = field(default_factory=list)
     said: dict[int, str] = field(default_factory=dict)  # FID -> what became of the datagram there, in words
 
@@ -125,7 +126,7 @@ class Moves:
         anchor = int(cause.partition(".")[0]) if cause.partition(".")[0].isdecimal() else 0
         members = set(self._members.get(swarm, ())) - {fid}
         lost = record.get("copies", 1) == 0
-        move = Move(record["t"], record["message"], kind, fid, anchor, swarm, lost, members)
+        move = Move(record["t"], record["message"], kind, fid, anchor, swarm, lost, members, _vector(record))
         self.moves[move.message] = move
         self._told[fid] = (move.t_s, move)
 
@@ -146,3 +147,16 @@ class Moves:
         if swarm:
             self._members.setdefault(swarm, set()).add(fid)
         self._swarm[fid] = swarm
+
+
+def _vector(record: Record) -> tuple[float, float, float]:
+    """What a datagram tells its swarm to fly; nowhere, where the log does not say."""
+    vector = record.get("vector")
+    if (
+        not isinstance(vector, list)
+        or len(vector) != 3
+        or not all(isinstance(v, (int, float)) for v in vector)
+    ):
+        return (0.0, 0.0, 0.0)
+    x, y, z = map(float, vector)
+    return (x, y, z)
