@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+from swarmer.observe.kept_scenes import Moment
 from swarmer.observe.moves import Change, Flight, Move, Moves
 from swarmer.observe.rises import Off, Rise
 from swarmer.observe.words import cells
@@ -24,9 +25,7 @@ class Cause(NamedTuple):
     rise: Rise
     sentences: tuple[str, ...]
     moves: tuple[Move, ...]
-    cast: tuple[int, ...]  # FIDs that take part
-    from_s: float  # the story that belongs to it
-    to_s: float
+    moment: Moment  # the story that belongs to it
 
 
 class _Reason(NamedTuple):
@@ -51,7 +50,7 @@ def cause_of(rise: Rise, log: Moves) -> Cause:
     concerned = tuple(log.moves[name] for name in moves)
     cast = _cast(told, concerned)
     from_s = min([rise.from_s, *(move.t_s for move in concerned)]) - LEAD_S
-    return Cause(rise, tuple(sentences), concerned, cast, max(0.0, from_s), rise.to_s)
+    return Cause(rise, tuple(sentences), concerned, Moment(cast, max(0.0, from_s), rise.to_s))
 
 
 def _reason(off: Off, rise: Rise, log: Moves) -> _Reason:

@@ -17,9 +17,9 @@ import numpy as np
 
 import swarmer
 from swarmer.errors import BadInput
-from swarmer.observe.cause import LEAD_S, Cause, cause_of, flss
+from swarmer.observe.cause import Cause, cause_of, flss
 from swarmer.observe.files import write_text
-from swarmer.observe.kept_scenes import STATES, KeptScenes
+from swarmer.observe.kept_scenes import MOST_OF_A_MOMENT, STATES, KeptScenes
 from swarmer.observe.moves import Moves
 from swarmer.observe.palette import STATE_COLOURS
 from swarmer.observe.report_page import GENERATOR, STYLE
@@ -32,6 +32,7 @@ from swarmer.observe.words import cells
 
 CAUSE = "cause.html"
 TITLE = "<h2 id=cause>From symptom to cause</h2>"
+FLIGHT_S = 1.0  # longer than a flight that localizes takes
 SHOWN_IN_REPORT = 5  # moments
 HERE = Path(__file__).parent
 WIDTH, HEIGHT, LEFT, BOTTOM = 760, 220, 62, 34  # of the curve
@@ -69,10 +70,10 @@ def story_of(run: SavedRun) -> Story:
     """Read the log of a run, if there is one. Raises BadInput for one that cannot be read."""
     found, in_all = rises(run.timeline) if run.timeline is not None and len(run.timeline.t_s) else ([], 0)
     trace = TraceFile(run.path)
-    log = Moves()
     first = [off.fid for rise in found for off in rise.off[:2]]
-    spans = [(rise.from_s - 2 * LEAD_S, rise.to_s) for rise in found]
-    kept = KeptScenes(trace.header.points, spans, first)
+    spans = [(rise.from_s - FLIGHT_S, rise.to_s) for rise in found]
+    log = Moves(spans)
+    kept = KeptScenes(trace.header.points, spans, first, trace.header.fids)
     for scene in scenes(_noted(trace.records(), log)):
         kept.add(scene)
     notes = trace.notes()
@@ -182,14 +183,16 @@ def _moments(run: SavedRun, story: Story) -> str:
 
 
 def _moment(run: SavedRun, kept: KeptScenes, number: int, cause: Cause) -> str:
-    rows = [row for row in kept.around(number - 1, cause.cast) if cause.from_s <= row.t_s <= cause.to_s]
+    cast, from_s, to_s = cause.moment
+    rows = kept.around(number - 1, cause.moment)
     sentences = "".join(f"<p>{escape(sentence)}</p>" for sentence in cause.sentences)
+    some = f"<p>The last {len(rows)} events of it:</p>" if len(rows) == MOST_OF_A_MOMENT else ""
     lines = escape("\n".join(row.line for row in rows)) or "nothing of these FLSs in these moments"
-    cast = ",".join(map(str, cause.cast)) or "1"
-    command = f"{_explain(run)} --fls {cast} --from {_down(cause.from_s)} --to {_up(cause.to_s)}"
+    fids = ",".join(map(str, cast)) or "1"
+    command = f"{_explain(run)} --fls {fids} --from {_down(from_s)} --to {_up(to_s)}"
     return (
         f"<details id=rise-{number}{' open' if number == 1 else ''}><summary>{number}. {escape(_said(cause.rise))}"
-        f"</summary>{sentences}{_moves(cause)}"
+        f"</summary>{sentences}{_moves(cause)}{some}"
         f"<div class=story data-rise={number - 1}><pre tabindex=0>{lines}</pre></div>"
         f"<p class=how>The same in a terminal: <code>{escape(command)}</code></p></details>"
     )
@@ -262,9 +265,9 @@ def _data(story: Story, kept: KeptScenes) -> str:
         "points": kept.points,
         "states": STATES,
         "whole": kept.whole,
-        "rises": [{"cast": cause.cast, "from": cause.from_s, "to": cause.to_s} for cause in causes],
+        "rises": [dict(zip(("cast", "from", "to"), cause.moment, strict=True)) for cause in causes],
     }
-    rows = ",\n".join(row.text for row in kept.rows([cause.cast for cause in causes]))
+    rows = ",\n".join(row.text for row in kept.rows([cause.moment for cause in causes]))
     text = f'{json.dumps(head)[:-1]}, "rows": [\n{rows}\n]}}'
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 

@@ -16,6 +16,14 @@ STATES = list(STATE_NAMES.values())
 Span = tuple[float, float]  # emulated seconds
 
 
+class Moment(NamedTuple):
+    """Some FLSs in some emulated seconds."""
+
+    cast: tuple[int, ...]
+    from_s: float
+    to_s: float
+
+
 class Row(NamedTuple):
     """A scene as the page has it."""
 
@@ -29,11 +37,22 @@ class Row(NamedTuple):
 class KeptScenes:
     """Takes scenes in order. What was kept is told by `rows` and `whole`."""
 
-    def __init__(self, points: int, spans: Sequence[Span], first: Iterable[int], room: int = ROOM) -> None:
-        """points: F; spans: in which everything is kept; first: FIDs whose lives are kept before those of others."""
+    def __init__(
+        self,
+        points: int,
+        spans: Sequence[Span],
+        first: Iterable[int],
+        fids: Iterable[int] | None = None,
+        room: int = ROOM,
+    ) -> None:
+        """points: F. spans: in which everything is kept. first: FIDs whose lives are kept before those of others.
+
+        fids: whose records the log has; None: everybody's. room: characters that lives may take.
+        """
         self.points, self._spans, self._room = points, spans, room
-        order = dict.fromkeys(first)
-        self._dropped_next = [*order, *(fid for fid in range(1, points + 1) if fid not in order)]
+        logged = dict.fromkeys(range(1, points + 1) if fids is None else sorted(fids))
+        order = dict.fromkeys(fid for fid in first if fid in logged)
+        self._dropped_next = [*order, *(fid for fid in logged if fid not in order)]
         self._lives: dict[int, list[Row]] = {fid: [] for fid in self._dropped_next}
         self._around: list[list[Row]] = [[] for _ in spans]
         self._number = 0
@@ -66,16 +85,18 @@ class KeptScenes:
         """FIDs of whom everything with an effect is there."""
         return sorted(self._lives)
 
-    def around(self, span: int, cast: Iterable[int]) -> list[Row]:
-        """Scenes of these FLSs in one of the spans."""
-        members = set(cast)
-        return [row for row in self._around[span] if row.fid in members][:MOST_OF_A_MOMENT]
+    def around(self, span: int, moment: Moment) -> list[Row]:
+        """Scenes of a moment, which lies in one of the spans; the last ones where there are too many."""
+        cast = set(moment.cast)
+        return [
+            row for row in self._around[span] if row.fid in cast and moment.from_s <= row.t_s <= moment.to_s
+        ][-MOST_OF_A_MOMENT:]
 
-    def rows(self, casts: Sequence[Iterable[int]]) -> list[Row]:
-        """Everything that is kept, in order: whole lives, and of each span the scenes of its cast."""
+    def rows(self, moments: Sequence[Moment]) -> list[Row]:
+        """Everything that is kept, in order: whole lives, and the scenes of one moment in each span."""
         kept = {row.number: row for life in self._lives.values() for row in life}
-        for span, cast in enumerate(casts):
-            kept |= {row.number: row for row in self.around(span, cast)}
+        for span, moment in enumerate(moments):
+            kept |= {row.number: row for row in self.around(span, moment)}
         return [kept[number] for number in sorted(kept)]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -65,7 +66,9 @@ class Change:
 class Moves:
     """Takes the records of a log in order; then `moves`, `flights` and `changes` are there, in order, too."""
 
-    def __init__(self) -> None:
+    def __init__(self, spans: Sequence[tuple[float, float]] | None = None) -> None:
+        """spans: emulated seconds of which moves and flights are kept; None: of all. A long log has too many."""
+        self._spans = spans
         self.moves: dict[str, Move] = {}  # by the id of the datagram
         self.flights: dict[int, list[Flight]] = {}  # by FID
         self.changes: list[Change] = []
@@ -119,7 +122,7 @@ class Moves:
 
     def _sent(self, record: Record) -> None:
         kind = record["kind"].partition("(")[0]
-        if kind not in MOVING:
+        if kind not in MOVING or not self._keeps(record["t"]):
             return
         fid, swarm = record["fid"], record["to"].removeprefix("swarm ")
         cause = str(record.get("cause", ""))
@@ -132,11 +135,16 @@ class Moves:
 
     def _flew(self, record: Record) -> None:
         fid, t_s = record["fid"], record["t"]
+        if not self._keeps(t_s):
+            return
         told_s, move = self._told.get(fid, (-1.0, None))
         flight = Flight(fid, t_s, record["until"], record["cells"], move if told_s == t_s else None)
         self.flights.setdefault(fid, []).append(flight)
         if flight.move is not None:
             flight.move.flights.append(flight)
+
+    def _keeps(self, t_s: float) -> bool:
+        return self._spans is None or any(low <= t_s <= high for low, high in self._spans)
 
     def _belong(self, fid: int, swarm: str) -> None:
         old = self._swarm.get(fid, "")

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from swarmer.cli import load
 from swarmer.errors import BadInput
 from swarmer.observe.cause import cause_of
-from swarmer.observe.kept_scenes import KeptScenes
+from swarmer.observe.kept_scenes import KeptScenes, Moment
 from swarmer.observe.moves import UNHEARD, Moves
 from swarmer.observe.report import write_report
 from swarmer.observe.rises import rises
@@ -155,8 +155,8 @@ def test_the_words_for_a_rise():
     assert "did not fly the vector of FLS 2 [2.0#5]: lost at the receiver." in text
     assert "FLS 4 of its swarm did not fly it: lost at the receiver." in text
     assert cause.moves[0].message == "2.0#5"
-    assert {1, 2, 4} <= set(cause.cast)
-    assert cause.from_s <= 0.03 <= cause.to_s
+    assert {1, 2, 4} <= set(cause.moment.cast)
+    assert cause.moment.from_s <= 0.03 <= cause.moment.to_s
 
 
 def test_an_fls_that_took_anothers_place_is_named_for_what_it_is():
@@ -188,7 +188,7 @@ def test_lives_are_dropped_from_the_last_when_room_is_short():
     assert kept.whole == list(range(1, 20))
     assert 5 in few.whole
     assert len(few.whole) < 8
-    rows = few.rows([[4]])
+    rows = few.rows([Moment((4,), 0.03, 0.04)])
     assert {row.fid for row in rows} <= {*few.whole, 4}
     assert any(row.fid == 4 and "lost at the receiver" in row.line for row in rows)
     assert len(rows) == len({row.number for row in rows})
