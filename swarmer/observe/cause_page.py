@@ -24,13 +24,12 @@ from swarmer.observe.moves import Moves
 from swarmer.observe.palette import STATE_COLOURS
 from swarmer.observe.report_page import GENERATOR, STYLE
 from swarmer.observe.rises import LEAST_FACTOR, Rise, rises
-from swarmer.observe.run_directory import REPORT, TRACE
+from swarmer.observe.run_directory import CAUSE, REPORT, TRACE
 from swarmer.observe.saved_run import SavedRun, SavedTimeline, existing
 from swarmer.observe.story import scenes
 from swarmer.observe.trace_file import Record, TraceFile
 from swarmer.observe.words import cells
 
-CAUSE = "cause.html"
 TITLE = "<h2 id=cause>From symptom to cause</h2>"
 FLIGHT_S = 1.0  # longer than a flight that localizes takes
 SHOWN_IN_REPORT = 5  # moments
