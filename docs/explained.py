@@ -14,7 +14,6 @@ from swarmer.observe.moves import Move
 SCENARIO = Path(__file__).resolve().parent.parent / "tests" / "scenarios" / "pair_lower_anchors.txt"
 FOLLOWED = "swarmer-run --engine virtual --shape butterfly --duration 5 --trace"
 THAWED = "swarmer-run --engine virtual --shape dragon --points 200 --duration 20"
-LONGER = 4  # times as long as it was, a vector is drawn
 MIDDLE = 0.35  # of the display that a swarm has when its move is shown
 
 
@@ -46,9 +45,7 @@ def follow() -> str:
         fill = CURVE if fid == move.anchor else MARK if fid in flown else "currentColor"
         large = 4.6 if fid in (move.anchor, move.localizer) else 2.6
         parts.append(f"<circle cx='{x:.1f}' cy='{y:.1f}' r='{large}' fill='{fill}'/>")
-    asked = np.array([move.vector])
-    zero = frame.places(np.zeros((1, 3)))
-    dx, dy = (frame.places(asked) - zero)[0] * LONGER
+    dx, dy = (frame.places(np.array([move.vector])) - frame.places(np.zeros((1, 3))))[0]
     parts += [
         f"<line x1='{x:.1f}' y1='{y:.1f}' x2='{x + dx:.1f}' y2='{y + dy:.1f}' stroke='{MARK}' stroke-width='1.6'/>"
         for x, y in (places[fid - 1] for fid in sorted(flown))
@@ -57,8 +54,8 @@ def follow() -> str:
     return _figure(
         drawing,
         f"At {move.t_s:.2f} s FLS {move.localizer} (large, orange) localizes against FLS {move.anchor} (large, blue), "
-        f"and the {len(flown) - 1} others of its swarm (orange) fly the same vector, drawn {LONGER} times as long. "
-        f"Rings are where FLSs should be. From <code>{FOLLOWED}</code>, run when this page was built.",
+        f"and the {len(flown) - 1} others of its swarm (orange) fly the same vector, the lines. Rings are where FLSs "
+        f"should be. From <code>{FOLLOWED}</code>, run when this page was built.",
     )
 
 

@@ -13,7 +13,7 @@ from swarmer.observe.words import cells
 
 FAILED = "#c2438a"
 STYLE = """<style>
-.five { display: grid; gap: .4rem .8rem; grid-template-columns: repeat(auto-fit, minmax(13rem, 1fr)); }
+.five { display: grid; gap: .4rem .8rem; grid-template-columns: repeat(auto-fit, minmax(10rem, 1fr)); }
 .five figure { margin: 0; max-width: none; width: auto; }
 .five figcaption { font-size: .64rem; font-style: normal; margin: 0; max-width: none; }
 </style>"""

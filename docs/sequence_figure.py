@@ -20,7 +20,7 @@ STATE = re.compile(
     r"([A-Z][A-Za-z]+)(?:\([al]\))?(?: flying)?(?: -> ([A-Z][A-Za-z]+)(?:\([al]\))?)?(?: flying)?"
 )
 GIVEN = re.compile(r"given (.+?) ([A-Z][A-Za-z]+)(?:\([al]\))?(.*)")
-LANE, ROW, TOP, BAR = 190, 30, 44, 12
+LANE, ROW, TOP, BAR = 190, 34, 44, 12
 COLOURS = dict(zip(STATE_NAMES.values(), STATE_COLOURS, strict=True))
 
 
@@ -103,7 +103,7 @@ def _bar(x: float, top: float, bottom: float, state: str) -> str:
 
 
 def _note(x: float, y: float, state: str) -> str:
-    return f"<text x='{x + BAR}' y='{y + 15:.1f}' font-size='11' font-style='italic'>{state}</text>"
+    return f"<text x='{x + BAR}' y='{y + 18:.1f}' font-size='11' font-style='italic'>{state}</text>"
 
 
 def _arrow(start: float, end: float, y: float, words: str) -> str:

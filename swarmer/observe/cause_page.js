@@ -1,5 +1,5 @@
 // The pictures of cause.html. A row of the data is a scene of the event log:
-// [second, FID, line, state after it or -1, leases, [[id, copies], ...] sent, [id, why nothing came of it] got,
+// [second, FID, line, state after it (-1 not repeated here, -2 dark), leases, [[id, copies], ...] sent, [id, why nothing came of it] got,
 //  [[until, cells]] flown]. The lines are those of `swarmer explain`.
 "use strict";
 (() => {
@@ -8,6 +8,12 @@
   const rows = data.rows, ROW = 22, LANE = 34, TOP = 26, MOST_ROWS = 250, MOST_LANES = 10;
   const end = Math.max(1e-6, ...data.rises.map((rise) => rise.to), rows.length ? rows[rows.length - 1][T] : 0);
   const whole = new Set(data.whole);
+  const latest = new Map();
+  for (const row of rows) { // where a row does not repeat the state, it is still what it was
+    const before = latest.get(row[FID]);
+    if (row[STATE] === -1 && before) [row[STATE], row[LEASES]] = before;
+    latest.set(row[FID], [row[STATE], row[LEASES]]);
+  }
   const find = (id) => document.getElementById(id);
 
   function svg(name, attributes, text) {
@@ -93,9 +99,9 @@
     group.append(svg("path", { d: `M${x - 4} ${y - 4}l8 8m0 -8l-8 8`, class: "lost", "stroke-width": 2 }));
   }
 
-  function lineOf(row) {
+  function lineOf(row, spare) {
     const item = document.createElement("li");
-    for (const part of row[LINE].split(/(\[\d+\.\d+#\d+\])/)) {
+    for (const part of row[LINE].slice(spare).split(/(\[\d+\.\d+#\d+\])/)) {
       if (/^\[\d+\.\d+#\d+\]$/.test(part)) {
         const button = document.createElement("button");
         button.type = "button";
@@ -115,8 +121,8 @@
     frame.tabIndex = 0;
     frame.setAttribute("role", "group");
     frame.setAttribute("aria-label", label);
-    const first = shown.slice(0, MOST_ROWS);
-    first.forEach((row) => list.append(lineOf(row)));
+    const first = shown.slice(0, MOST_ROWS), spare = Math.min(...first.map((row) => row[LINE].search(/\S/)));
+    first.forEach((row) => list.append(lineOf(row, spare)));
     frame.append(picture(first, fids, `${label}: lanes ${lanesOf(first, fids).join(", ")}`), list);
     return frame;
   }

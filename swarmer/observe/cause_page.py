@@ -211,7 +211,9 @@ def _moves(cause: Cause) -> str:
     head = "".join(
         f"<th>{name}" for name in ("vector", "sent", "of FLS", "anchor", "cells", "flown by", "missed by")
     )
-    return f"<div class=wide tabindex=0 role=group aria-label=vectors><table><tr>{head}</tr>{rows}</table></div>"
+    return (
+        f"<div class=wide tabindex=0 role=group aria-label=vectors><table><tr>{head}</tr>{rows}</table></div>"
+    )
 
 
 def _some(names: Sequence[str], most: int = 12) -> str:

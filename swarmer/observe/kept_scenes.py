@@ -13,6 +13,10 @@ from swarmer.observe.trace_file import Record
 ROOM = 3_000_000  # characters of whole lives
 MOST_OF_A_MOMENT = 200  # scenes around one moment that are kept
 STATES = list(STATE_NAMES.values())
+UNSAID, DARK = (
+    -1,
+    -2,
+)  # of a row, instead of a state: the log does not repeat it here; no FLS is there, or not yet
 Span = tuple[float, float]  # emulated seconds
 
 
@@ -104,7 +108,9 @@ def row_of(scene: Scene, number: int, points: int) -> Row:
     """A scene as a row: [second, FID, line, state, leases, sent, got, flight], see `cause_page.js`."""
     line = scene.line(points)
     after: list[Any] = scene.after or scene.before or []
-    state = STATES.index(after[0]) if after and after[0] in STATES else -1
+    state = STATES.index(after[0]) if after and after[0] in STATES else UNSAID
+    if scene.first["is"] in ("made", "ended"):
+        state = DARK
     leases = after[4] if after else 0
     records = [scene.first, *scene.more]
     sent = [[r["message"], r.get("copies", 1)] for r in records if r["is"] == "sent"]
