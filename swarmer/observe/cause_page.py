@@ -22,7 +22,18 @@ from swarmer.observe.files import write_text
 from swarmer.observe.kept_scenes import MOST_OF_A_MOMENT, STATES, KeptScenes
 from swarmer.observe.moves import Moves
 from swarmer.observe.palette import STATE_COLOURS
-from swarmer.observe.report_page import GENERATOR, STYLE
+from swarmer.observe.report_page import (
+    ASSETS,
+    GENERATOR,
+    STYLE,
+    THEME,
+    Part,
+    data_block,
+    note,
+    policy,
+    scrolling,
+    table,
+)
 from swarmer.observe.rises import LEAST_FACTOR, Rise, rises
 from swarmer.observe.run_directory import CAUSE, REPORT, TRACE
 from swarmer.observe.saved_run import SavedRun, SavedTimeline, existing
@@ -30,30 +41,29 @@ from swarmer.observe.story import scenes
 from swarmer.observe.trace_file import Record, TraceFile
 from swarmer.observe.words import cells
 
-TITLE = "<h2 id=cause>From symptom to cause</h2>"
+TITLE = "From symptom to cause"
+SCRIPTS = ("page.js", "cause.js")
 FLIGHT_S = 1.0  # longer than a flight that localizes takes
 SHOWN_IN_REPORT = 5  # moments
-HERE = Path(__file__).parent
 WIDTH, HEIGHT, LEFT, BOTTOM = 760, 220, 62, 34  # of the curve
 CURVE_POINTS = 1500
-POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; base-uri 'none'"
 
 
-def write_cause(run: SavedRun, report: Path, check: Callable[[Path], None]) -> str:
-    """Write the page beside the report, if the run has an event log; give the report's part, as HTML.
+def write_cause(run: SavedRun, report: Path, check: Callable[[Path], None]) -> Part:
+    """Write the page beside the report, if the run has an event log; give the report's part.
 
     check: raises BadInput for a file that may not be replaced. Raises RunFailed if the page cannot be written.
     """
     if existing(run.path, TRACE) is None:
-        return section(run, None, "")
+        return Part("cause", TITLE, _without_log(run))
     try:
         story = story_of(run)
     except BadInput as refused:
-        return f"{TITLE}<div class=note>{escape(str(refused))}</div>"
+        return Part("cause", TITLE, note(str(refused)))
     out = report.with_name(CAUSE if report.name == REPORT else f"{report.stem}-{CAUSE}")
     check(out)
     write_text(out, page(run, story, report.name))
-    return section(run, story, out.name)
+    return Part("cause", TITLE, section(story, out.name))
 
 
 class Story(NamedTuple):
@@ -91,10 +101,8 @@ def _noted(records: Iterator[Record], log: Moves) -> Iterator[Record]:
 # -- the part of the report ------------------------------------------------------------------------------------------
 
 
-def section(run: SavedRun, story: Story | None, page: str) -> str:
-    """The report's part. story: None without a log; page: the name of the page beside the report."""
-    if story is None:
-        return f"{TITLE}<p>{_without_log(run)}</p>"
+def section(story: Story, page: str) -> str:
+    """The report's part, as HTML. page: the name of the page beside the report."""
     items = "".join(
         f'<li><a href="{escape(page)}#rise-{number}">{_said(cause.rise)}</a> '
         f"{escape(cause.sentences[0] if cause.sentences else '')}</li>"
@@ -104,7 +112,7 @@ def section(run: SavedRun, story: Story | None, page: str) -> str:
         "; most, in proportion:" if items else ". "
     )
     return (
-        f"{TITLE}<p>{lead}</p><ol>{items}</ol>"
+        f"<p>{lead}</p><ol>{items}</ol>"
         f'<p><a href="{escape(page)}">The datagrams, leases and vectors behind it</a>, of these moments and of any '
         f"FLS, are in <code>{escape(page)}</code> beside this file.</p>"
     )
@@ -114,8 +122,8 @@ def _without_log(run: SavedRun) -> str:
     config = shlex.quote(str(run.path / "config.yaml"))
     command = f"swarmer-run --config {config} --engine virtual --trace"
     return (
-        "This run has no event log, so this report cannot say why HD rose. The same settings in virtual time keep one; "
-        f"report that run:</p><pre>{escape(command)}</pre><p>"
+        "<p>This run has no event log, so this report cannot say why HD rose. The same settings in virtual time keep "
+        f"one; report that run:</p><pre>{escape(command)}</pre>"
     )
 
 
@@ -135,25 +143,25 @@ def _said(rise: Rise) -> str:
 
 def page(run: SavedRun, story: Story, report: str) -> str:
     """The whole page. report: the name of the report beside it."""
-    title = f"From symptom to cause: {run.name}"
     kept = story.kept
+    scripts = [(ASSETS / name).read_text("utf-8") for name in SCRIPTS]
+    style = STYLE + _state_colours() + (ASSETS / "cause.css").read_text("utf-8")
     body = [
-        f"<h1>From symptom to cause</h1><p class=lead>{escape(_lead(run))} "
-        f'<a href="{escape(report)}">The report</a>.</p>',
-        "".join(f"<div class=note>{escape(note)}</div>" for note in story.notes),
+        *map(note, story.notes),
         _curve(run.timeline, story.causes),
         f"<h2>Moments at which HD rose</h2>{_moments(run, story)}",
         _chooser(run, kept),
-        f'<script type="application/json" id=data>{_data(story, kept)}</script>',
-        f"<script>{(HERE / 'cause_page.js').read_text('utf-8')}</script>",
+        data_block("data", _data(story, kept)),
     ]
     return (
-        f"<!doctype html>\n<html lang=en><head><meta charset=utf-8>\n{GENERATOR}\n"
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
-        f'<meta name=viewport content="width=device-width, initial-scale=1">\n<title>{escape(title)}</title>\n'
-        f"<style>{STYLE}{_state_colours()}{(HERE / 'cause_page.css').read_text('utf-8')}</style></head>\n"
-        f"<body><main>\n{chr(10).join(body)}\n<footer>Made by swarmer {escape(swarmer.__version__)}.</footer>\n"
-        f"</main></body></html>\n"
+        f"<!doctype html>\n<html lang=en><head><meta charset=utf-8>\n{GENERATOR}\n{policy(scripts)}\n"
+        '<meta name=viewport content="width=device-width, initial-scale=1">\n'
+        f"<title>{TITLE}: {escape(run.name)}</title>\n<style>{style}</style></head>\n"
+        f"<body><header><div class=top><h1>{TITLE}</h1>{THEME}</div><p class=lead>{escape(_lead(run))} "
+        f'<a href="{escape(report)}">The report</a>.</p></header>\n<main>\n{chr(10).join(body)}\n</main>\n'
+        f"<footer>Made by swarmer {escape(swarmer.__version__)}. This file needs no other and no network.</footer>\n"
+        + "".join(f"<script>{script}</script>\n" for script in scripts)
+        + "</body></html>\n"
     )
 
 
@@ -200,19 +208,15 @@ def _moment(run: SavedRun, kept: KeptScenes, number: int, cause: Cause) -> str:
 def _moves(cause: Cause) -> str:
     if not cause.moves:
         return ""
-    rows = ""
+    rows = []
     for move in cause.moves:
         missed = [f"{fid} ({why})" for fid, why in move.missed().items()]
-        texts = (
+        rows.append([
             move.message, f"{move.t_s:.4f} s", str(move.localizer), str(move.anchor or "–"),
             cells(move.flights[0].cells) if move.flights else "–", _some(list(map(str, move.flown_by))), _some(missed),
-        )  # fmt: skip
-        rows += f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in texts)}</tr>"
-    head = "".join(
-        f"<th>{name}" for name in ("vector", "sent", "of FLS", "anchor", "cells", "flown by", "missed by")
-    )
-    return (
-        f"<div class=wide tabindex=0 role=group aria-label=vectors><table><tr>{head}</tr>{rows}</table></div>"
+        ])  # fmt: skip
+    return table(
+        ["vector", "sent", "of FLS", "anchor", "cells", "flown by", "not flown by"], rows, "Whose vector"
     )
 
 
@@ -245,7 +249,7 @@ def _chooser(run: SavedRun, kept: KeptScenes) -> str:
     states = "".join(
         f"<span><i style='background:var(--s{i})'></i>{name}</span>" for i, name in enumerate(STATES)
     )
-    return f"""<section id=chooser hidden><h2>The story of an FLS</h2><p>{held}</p>
+    return f"""<section id=chooser class=needs-script><h2>The story of an FLS</h2><p>{held}</p>
 <form id=choice><label>FLS <input id=fls value="{whole[0] if whole else 1}" size=9 autocomplete=off></label>
 <label>from <input id=from type=number min=0 step=any> s</label>
 <label>to <input id=to type=number min=0 step=any> s</label>
@@ -260,7 +264,7 @@ run it. All of it is told by <code>swarmer explain</code>, too.</p></noscript>""
 
 
 def _data(story: Story, kept: KeptScenes) -> str:
-    """What the script shows, as JSON that no markup can end."""
+    """What the script shows, as JSON."""
     causes = story.causes
     head = {
         "points": kept.points,
@@ -269,8 +273,7 @@ def _data(story: Story, kept: KeptScenes) -> str:
         "rises": [dict(zip(("cast", "from", "to"), cause.moment, strict=True)) for cause in causes],
     }
     rows = ",\n".join(row.text for row in kept.rows([cause.moment for cause in causes]))
-    text = f'{json.dumps(head)[:-1]}, "rows": [\n{rows}\n]}}'
-    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+    return f'{json.dumps(head)[:-1]}, "rows": [\n{rows}\n]}}'
 
 
 # -- the curve -------------------------------------------------------------------------------------------------------
@@ -303,13 +306,13 @@ def _curve(timeline: SavedTimeline | None, causes: Sequence[Cause]) -> str:
         _mark(number, cause, at(cause.rise.to_s, math.log10(max(cause.rise.after_cells, 1e-9))))
         for number, cause in reversed(list(enumerate(causes, 1)))
     )
-    return (
-        f"<figure class=wide tabindex=0><svg id=curve viewBox='0 0 {WIDTH} {HEIGHT}' role=group "
+    drawing = (
+        f"<svg id=curve viewBox='0 0 {WIDTH} {HEIGHT}' role=group "
         f"aria-label='Hausdorff distance over time, with the moments at which it rose'>{grid}{ticks}"
         f"<polyline points='{way}' fill=none stroke='var(--accent)' stroke-width=1.8 />{marks}</svg>"
-        "<figcaption>Hausdorff distance in cells, logarithmic, over emulated time; a number is a moment below."
-        "</figcaption></figure>"
     )
+    caption = "Hausdorff distance in cells, logarithmic, over emulated time; a number is a moment below."
+    return f"<figure>{scrolling(drawing, 'Hausdorff distance')}<figcaption>{caption}</figcaption></figure>"
 
 
 def _level(value: int, y: float) -> str:

@@ -105,7 +105,7 @@ class KeptScenes:
 
 
 def row_of(scene: Scene, number: int, points: int) -> Row:
-    """A scene as a row: [second, FID, line, state, leases, sent, got, flight], see `cause_page.js`."""
+    """A scene as a row: [second, FID, line, state, leases, sent, got, flight], see report_assets/cause.js."""
     line = scene.line(points)
     after: list[Any] = scene.after or scene.before or []
     state = STATES.index(after[0]) if after and after[0] in STATES else UNSAID

@@ -245,7 +245,6 @@
     };
     window.addEventListener("hashchange", named);
     window.addEventListener("resize", () => { const choice = chosen(); if (choice) find("life").replaceChildren(life(choice.fids[0], choice.from, choice.to)); });
-    find("chooser").hidden = false;
     show();
     named();
   }
