@@ -13,6 +13,8 @@ from mkdocs.structure.files import File, Files
 from swarmer import cli
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+import explained
+import five_runs
 import gallery_page
 import invariants_list
 import protocol_table
@@ -25,6 +27,10 @@ GENERATED = {
     "<!-- invariants: list -->": invariants_list.list_markdown,
     "<!-- gallery: tiles -->": gallery_page.tiles_html,
     "<!-- gallery: shapes -->": gallery_page.shapes_markdown,
+    "<!-- explained: sequence -->": explained.sequence,
+    "<!-- explained: follow -->": explained.follow,
+    "<!-- explained: thaw -->": explained.thaw,
+    "<!-- five runs -->": five_runs.runs_markdown,
 }
 ROOT = Path(__file__).resolve().parent.parent
 SHOWN_FILE = re.compile(r"<!-- file: (\S+) -->")

@@ -125,4 +125,9 @@ def test_the_pages_build(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "class Damped" in re.sub("<[^>]*>", "", (tmp_path / "site" / "plugins.html").read_text("utf-8"))
-    assert (tmp_path / "site" / "protocol.html").read_text("utf-8").count("<svg viewBox") >= 1
+    pages = {path.name: path.read_text("utf-8") for path in (tmp_path / "site").glob("*.html")}
+    pictures = {"protocol.html": 1, "in-pictures.html": 4, "five-runs.html": 15}
+    for name, count in pictures.items():
+        assert len(re.findall("<svg viewBox=.{0,80}role=", pages[name])) == count, name
+    for name, page in pages.items():
+        assert not re.search("<!-- (?:protocol|explained|five|file|gallery|invariants)", page), name

@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parent.parent
 BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
 PAGES = (
     "README.md",
+    "docs/tour.md",
     "docs/getting-started.md",
     "docs/reading-a-report.md",
     "docs/sweeps.md",

@@ -21,8 +21,9 @@ def command(runs: tuple[Path, ...], out: Path | None) -> None:
     numbers, settings, how to reproduce it. It needs no network.
 
     Several runs are compared: those that differ in nothing but their seed are drawn as their mean with its 95 %
-    interval. Works on a run that was killed, too: it shows what is whole and names the rest. The last line of stdout
-    is the file's path.
+    interval. Works on a run that was killed, too: it shows what is whole and names the rest. Beside the report of a run
+    made with --trace it writes cause.html: why HD rose, and the story of any FLS. The last line of stdout is the
+    report's path.
     """
     with ends_at_once():
         from swarmer.observe.report import write_report

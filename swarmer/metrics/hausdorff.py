@@ -64,6 +64,18 @@ class HausdorffMeter:
         """HD in cells without any translation; arguments and errors as `hd`."""
         return self._read(*self._lit(position, lit))
 
+    def by_fls(self, position: Points, lit: NDArray[np.bool_]) -> Points:
+        """What each lit FLS and its point add to HD, (F,) cells, NaN while dark; the largest is the HD.
+
+        It is the larger of two distances: from the FLS, translated as for `hd`, to the nearest point, and from its
+        point to the nearest FLS. position: (F, 3), cells; lit: (F,). Raises EmptyCloud if nobody is lit.
+        """
+        moved, fixed = self._lit(position, lit)
+        moved = moved + (fixed - moved).mean(axis=0)
+        apart = np.full(len(self.truth), np.nan)
+        apart[lit] = np.maximum(_tree(fixed).query(moved)[0], _tree(moved).query(fixed)[0])
+        return apart
+
     def _lit(self, position: Points, lit: NDArray[np.bool_] | None) -> tuple[Points, Points]:
         if lit is None or lit.all():
             return position, self.truth

@@ -7,7 +7,7 @@ in `PARTS`. It may listen to the moment that the view in space shows, and set it
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 from swarmer.engines.result import Live, RunResult, Snapshot
 from swarmer.errors import BadInput
 from swarmer.observe import report_costs, report_figures, report_page, report_rounds, report_words
+from swarmer.observe.cause_page import write_cause
 from swarmer.observe.files import write_text
 from swarmer.observe.progress import Progress
 from swarmer.observe.report_data import RunData, data_of
@@ -83,20 +84,21 @@ def write_report(paths: list[Path], out: Path | None = None) -> Path:
     if out is None:
         out = paths[0] / REPORT if len(paths) == 1 else Path(REPORT)
     _refuse_foreign(out)
-    write_text(out, make_report(runs))
+    cause = [write_cause(runs[0], out, _refuse_foreign)] if len(runs) == 1 else []
+    write_text(out, make_report(runs, cause))
     return out
 
 
-def make_report(runs: list[SavedRun]) -> str:
-    """The page as a text."""
+def make_report(runs: list[SavedRun], cause: Sequence[Part] = ()) -> str:
+    """The page as a text. cause: of one run, the part on why HD rose."""
     for run in runs:
         if not run.summary:
             run.summary = derived_summary(run)
-    return single(runs[0]) if len(runs) == 1 else several(runs)
+    return single(runs[0], cause) if len(runs) == 1 else several(runs)
 
 
-def single(run: SavedRun) -> str:
-    """The report of one run."""
+def single(run: SavedRun, cause: Sequence[Part] = ()) -> str:
+    """The report of one run. cause: the part on why HD rose, which stands behind the figures."""
     above = [
         report_page.note(str(run.summary["message"])) if run.summary.get("message") else "",
         report_page.missing_note([run]),
@@ -105,6 +107,8 @@ def single(run: SavedRun) -> str:
     points = run.summary.get("points")
     heading = run.shape if points is None else f"{run.shape}: {points:,.0f} FLSs"
     made = [part for make in PARTS if (part := make(run)) is not None]
+    behind = next((i for i, part in enumerate(made) if part.key == "summary"), len(made))
+    made[behind:behind] = cause
     return report_page.page(
         f"swarmer: {run.name}", heading, report_words.verdict(run), report_words.lead(run), "\n".join(above), made
     )  # fmt: skip

@@ -58,7 +58,7 @@ def page(title: str, heading: str, verdict: str, lead: str, above: str, parts: S
         for part in parts
     )
     return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n{GENERATOR}\n{_policy(scripts)}\n'
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n{GENERATOR}\n{policy(scripts)}\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{esc(title)}</title>\n<style>{STYLE}</style></head>\n"
         '<body><a class=skip href="#main">To the figures</a>\n'
@@ -71,7 +71,7 @@ def page(title: str, heading: str, verdict: str, lead: str, above: str, parts: S
     )
 
 
-def _policy(scripts: Sequence[str]) -> str:
+def policy(scripts: Sequence[str]) -> str:
     """Only our own scripts run, and nothing is fetched, whatever a name in a run directory says."""
     digests = (base64.b64encode(hashlib.sha256(one.encode()).digest()).decode() for one in scripts)
     allowed = " ".join(f"'sha256-{digest}'" for digest in digests)

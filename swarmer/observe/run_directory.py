@@ -43,8 +43,9 @@ CONFIG, MANIFEST, SUMMARY, EVENTS, LOG = (
 )
 RECORDING, TIMELINE, REPORT, TRACE = "recording.rrd", "timeline.npz", "report.html", "trace.jsonl.gz"
 ROUNDS = "rounds.csv"
+CAUSE = "cause.html"  # beside a report, if there is a trace
 MANIFEST_FORMAT = 1
-FILES = (CONFIG, MANIFEST, SUMMARY, EVENTS, LOG, RECORDING, TIMELINE, REPORT, TRACE, ROUNDS)
+FILES = (CONFIG, MANIFEST, SUMMARY, EVENTS, LOG, RECORDING, TIMELINE, REPORT, TRACE, ROUNDS, CAUSE)
 DISK_FULL = {errno.ENOSPC, errno.EDQUOT}
 NOT_OURS = {errno.EACCES, errno.EPERM, errno.EROFS}  # where nobody, or not this user, may write
 EVENT_COLUMNS = ("t_s", "kind", "fid", "text")

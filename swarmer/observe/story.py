@@ -33,6 +33,7 @@ class Scene:
     before: list[object] | None = None  # [state, ξ, epoch, flying, leases]
     after: list[object] | None = None
     words: list[str] = field(default_factory=list)
+    more: list[Record] = field(default_factory=list)  # what was sent, flown and measured because of it
     quiet: bool = False
 
     def line(self, points: int) -> str:
@@ -91,6 +92,7 @@ def _belongs(record: Record, scene: Scene) -> bool:
 
 def _go_on(scene: Scene, record: Record) -> None:
     scene.quiet = False
+    scene.more.append(record)
     if record["is"] == "sent":
         scene.words.append(sent_words(record))
     elif record["is"] == "flew":

@@ -134,7 +134,9 @@ class TraceFile:
         self.strange = 0
         for line in lines:
             wanted = (who is None or who.search(line, 0, HEAD)) and (not needle or needle in line)
-            if not wanted and LOOKS_WELL.match(line) and line.endswith(b"}"):
+            if not wanted and (looks := LOOKS_WELL.match(line)) and line.endswith(b"}"):
+                if _seconds(looks[1]) > to_s:
+                    return
                 continue  # to read each would take several times as long
             record = self._record(line)
             if record is None or not wanted:
@@ -155,6 +157,14 @@ class TraceFile:
         if not (isinstance(record, dict) and record.get("is") == "end"):
             self.strange += 1
         return None
+
+
+def _seconds(digits: bytes) -> float:
+    """What a line says of its time; 0 for what is no number."""
+    try:
+        return float(digits)
+    except ValueError:
+        return 0.0
 
 
 def _whole(value: object, least: int) -> int:
@@ -182,7 +192,9 @@ OPTIONAL = {
     "kind": TEXT,
     "copies": NUMBER,
 }
-LOOKS_WELL = re.compile(rb'\{"t": ?[-+.0-9e]+, ?"fid": ?[0-9]+, ?"is": ?"(?:%s)"' % "|".join(NEEDED).encode())
+LOOKS_WELL = re.compile(
+    rb'\{"t": ?([-+.0-9e]+), ?"fid": ?[0-9]+, ?"is": ?"(?:%s)"' % "|".join(NEEDED).encode()
+)
 SWARM = re.compile(r"[0-9]{1,10}(\.[0-9]{1,10})?")
 
 

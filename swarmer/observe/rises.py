@@ -1,0 +1,94 @@
+"""Moments at which HD rose, as a run's timeline has them: when, by how much, and which FLSs were off for it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from swarmer.metrics.hausdorff import HausdorffMeter
+from swarmer.observe.saved_run import SavedTimeline
+
+LEAST_FACTOR = 1.05  # HD grew by more than a twentieth
+SMALLEST_CELLS = 1e-4  # an HD below counts as this one: nothing to see, and no factor is infinite
+MOST = 12  # moments that are told
+MOST_OFF = 12  # FLSs that are named for a moment
+LEAST_SHARE = 0.5  # of a rise, that an FLS must have to be named
+
+
+class Off(NamedTuple):
+    """An FLS that is farther from where it should be than HD was before, by half of the rise or more."""
+
+    fid: int
+    before_cells: float  # what it added to HD before; NaN if it was dark
+    after_cells: float
+    flown_cells: float  # between the two samples; NaN if it was dark
+
+
+class Rise(NamedTuple):
+    """HD grew from one sample to another, without falling in between."""
+
+    from_s: float
+    to_s: float
+    before_cells: float
+    after_cells: float
+    off: tuple[Off, ...]  # the farthest first
+    off_in_all: int
+    moved: int  # FLSs that are not where they were
+
+    @property
+    def factor(self) -> float:
+        """How many times as large HD became."""
+        return max(self.after_cells, SMALLEST_CELLS) / max(self.before_cells, SMALLEST_CELLS)
+
+
+def rises(timeline: SavedTimeline, most: int = MOST) -> tuple[list[Rise], int]:
+    """The moments at which HD rose most times over, the largest factor first; and how many there were in all.
+
+    As HD itself, they count from the sample on by which every FLS had been lit (docs/reading-a-run.md).
+    """
+    hd = timeline.hd_cells
+    spans = sorted(_spans(hd, _first(timeline)), key=lambda span: _factor(hd, span), reverse=True)
+    meter = HausdorffMeter(timeline.truth) if spans else None
+    return [_rise(timeline, meter, *span) for span in spans[:most] if meter is not None], len(spans)
+
+
+def _first(timeline: SavedTimeline) -> int:
+    """The first sample by which every FLS had been lit; the first of all where that never was."""
+    ever = np.logical_or.accumulate(timeline.lit, axis=0).all(axis=1)
+    return int(ever.argmax()) if ever.any() else 0
+
+
+def _spans(hd: np.ndarray, first: int) -> list[tuple[int, int]]:
+    """Samples before and after each growth; a NaN ends it."""
+    spans, start = [], first
+    for at in range(first + 1, len(hd) + 1):
+        if at < len(hd) and hd[at] > hd[at - 1]:
+            continue
+        if at - 1 > start and _factor(hd, (start, at - 1)) > LEAST_FACTOR:
+            spans.append((start, at - 1))
+        start = at
+    return spans
+
+
+def _factor(hd: np.ndarray, span: tuple[int, int]) -> float:
+    before, after = (max(float(hd[at]), SMALLEST_CELLS) for at in span)
+    return after / before
+
+
+def _rise(timeline: SavedTimeline, meter: HausdorffMeter, start: int, end: int) -> Rise:
+    lit, place = timeline.lit, timeline.position
+    before = meter.by_fls(place[start].astype(float), lit[start])
+    after = meter.by_fls(place[end].astype(float), lit[end])
+    flown = np.linalg.norm(place[end].astype(float) - place[start], axis=1)
+    flown[~(lit[start] & lit[end])] = np.nan
+    hd_before, hd_after = float(timeline.hd_cells[start]), float(timeline.hd_cells[end])
+    named = hd_before + LEAST_SHARE * (hd_after - hd_before)
+    rows = np.flatnonzero(np.nan_to_num(after) >= named)
+    rows = rows[np.argsort(-after[rows], kind="stable")]
+    off = tuple(
+        Off(int(row) + 1, float(before[row]), float(after[row]), float(flown[row])) for row in rows[:MOST_OFF]
+    )
+    moved = int((np.nan_to_num(flown) > SMALLEST_CELLS).sum())
+    times = float(timeline.t_s[start]), float(timeline.t_s[end])
+    return Rise(*times, hd_before, hd_after, off, len(rows), moved)
