@@ -21,6 +21,7 @@ TABLES = {
     "datagrams": ("bench.datagrams:run", 3),
     "clouds": ("bench.shapes:run", 1),
     "virtual": ("bench.virtual:run", 1),
+    "recording": ("bench.recording:run", 1),
     "rounds": ("bench.rounds:run", 1),
     "hausdorff": ("bench.hausdorff:run", 3),
     "launch": ("bench.launch:run", 1),

@@ -215,6 +215,13 @@ class Recording(Group):
 
     rate_hz: float = number(10, "Hz", 0.1, 60, "samples of all FLSs, in emulated time")
     enabled: bool = flag(True, "write the recording that `swarmer replay` plays")
+    positions_per_s: float = number(
+        50_000,
+        "1/s",
+        100,
+        FAR,
+        "positions that the recording takes in an emulated second; of more it shows every so many samples",
+    )
 
 
 class Process(Group):

@@ -34,10 +34,12 @@ from swarmer.protocol.records import Counters
 from swarmer.radio import Grid
 from swarmer.state_machine import State
 from swarmer.telemetry import (
+    NEVER_LOCALIZED,
     NOTHING_LEFT,
     Began,
     Clock,
     Life,
+    Localization,
     Phase,
     Row,
     SharedMemory,
@@ -90,7 +92,7 @@ class Fls(BaseFls):
         self._held: list[tuple[float, int, Message, Stamp]] = []  # arrived, not yet due
         self._outgoing: list[tuple[float, int, Message, Stamp]] = []  # sent, not yet on the air
         self._shown: tuple[State, Swarm, int, Flight] | None = None
-        self._began, self._thawed = Began.ANOTHER, NOTHING_LEFT
+        self._began, self._thawed, self._localization = Began.ANOTHER, NOTHING_LEFT, NEVER_LOCALIZED
         self.exit_status: int | None = None
         self._slows = run.faults.slows(spec.fid)
         self._watched = run.hang_s > 0
@@ -210,7 +212,13 @@ class Fls(BaseFls):
         self.udp.tune(self.ears)
 
     def moved(self) -> None:
-        """Whoever looks sees the flight in the slot."""
+        """Whoever looks sees the flight in the slot; one that localizes also when it is over, however short."""
+        flight, machine = self.flight, self.machine
+        if machine.state is State.BUSY_LOCALIZING and flight.length > 0.0:
+            assert machine.anchor is not None
+            self._localization = Localization(
+                machine.anchor.sender, flight.start, flight.displacement, flight.begins_s
+            )
 
     def thaw_begins(self, begins: ThawBegins) -> None:
         """The engine cannot see this moment; it is shown with what came of it."""
@@ -244,6 +252,7 @@ class Fls(BaseFls):
                     m.flying,
                     self.flight,
                     self._thawed,
+                    self._localization,
                 )
             )
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from swarmer.messages import Kind
 from swarmer.metrics.lateness import BUCKETS, bucket
-from swarmer.physics.flight import Flight, Velocity
+from swarmer.physics.flight import Flight, Vec3, Velocity
 from swarmer.protocol.events import Count
 
 if TYPE_CHECKING:
@@ -27,13 +27,14 @@ if TYPE_CHECKING:
 
 PAGE = 4096
 CONTROL = struct.Struct("=IIddd")  # sequence, phase, wall_ref, emulated_ref, scale
-KINEMATICS = struct.Struct("=IIIHBBB3x3d3dddIIHBxd")  # after the sequence number; see Row, its Thawed last
+# After the sequence number; see Row, its Thawed and Localization last.
+KINEMATICS = struct.Struct("=IIIHBBB3x3d3dddIIHBxdI3f3fd")
 SEQUENCE = struct.Struct("=I")
 LIFE_AT = 4  # one byte, written alone
 BEAT_AT = 5  # one more
 KINEMATICS_AT = 8
-COUNTERS_AT = 128
-ALIGNED = 128  # what the sequence lock guards fits in, so it never crosses a page: copies go page by page
+COUNTERS_AT = 160
+ALIGNED = 256  # what the sequence lock guards fits in, so it never crosses a page: copies go page by page
 
 
 class Phase(IntEnum):
@@ -109,8 +110,20 @@ class Thawed(NamedTuple):
 NOTHING_LEFT = Thawed(0, 0, 0, Began.ANOTHER, 0.0)
 
 
+class Localization(NamedTuple):
+    """The last flight by which an FLS localized: for an engine that does not see the moment."""
+
+    anchor: int  # FID; 0: it has not localized
+    start: Vec3  # cells, in single precision, as the two below
+    vector: Vec3  # flown
+    begins_s: float  # emulated
+
+
+NEVER_LOCALIZED = Localization(0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+
+
 class Row(NamedTuple):
-    """What the sequence lock guards: who this is, its last flight and its last thaw."""
+    """What the sequence lock guards: who this is, its last flight, its last thaw and its last localization."""
 
     incarnation: int
     epoch: int
@@ -121,6 +134,7 @@ class Row(NamedTuple):
     flying: bool
     flight: Flight
     thawed: Thawed = NOTHING_LEFT
+    localization: Localization = NEVER_LOCALIZED
 
 
 _FLOWN = [Wire.LOCALIZING_MICROCELLS, Wire.FOLLOWING_MICROCELLS]
@@ -227,10 +241,11 @@ class Slot:
         at = self._at
         sequence = SEQUENCE.unpack_from(self._map, at)[0]
         SEQUENCE.pack_into(self._map, at, (sequence + 1) & 0xFFFFFFFF)
-        f = row.flight
+        f, (anchor, start, vector, begins_s) = row.flight, row.localization
         KINEMATICS.pack_into(
             self._map, at + KINEMATICS_AT, row.incarnation, row.epoch, row.xi, row.swarm_incarnation, row.state,
             row.lit, row.flying, *f.start, *f.displacement, f.begins_s, f.length, *row.thawed,
+            anchor, *start, *vector, begins_s,
         )  # fmt: skip
         SEQUENCE.pack_into(self._map, at, (sequence + 2) & 0xFFFFFFFF)
 
@@ -254,6 +269,7 @@ class Sample(NamedTuple):
     lit: NDArray[np.bool_]
     life: NDArray[np.int8]
     thawed: NDArray[np.void]  # (F,), with the names of `Thawed`
+    localization: NDArray[np.void]  # (F,), with the names of `Localization`
     counters: NDArray[np.uint64]  # (COUNTERS,), summed over all FLSs
     flown: NDArray[np.float64]  # (F, 2), cells: localizing, following
     timer_late: NDArray[np.int64]  # (BUCKETS,), summed
@@ -321,6 +337,7 @@ class Reader:
             lit=rows["lit"] != 0,
             life=rows["life"].astype(np.int8),
             thawed=rows["thawed"],
+            localization=rows["localization"],
             counters=rows["counters"].sum(axis=(0, 1), dtype=np.uint64),
             flown=rows["counters"][:, :, _FLOWN].sum(axis=1, dtype=np.uint64) / 1e6,
             timer_late=rows["timer_late"].sum(axis=0, dtype=np.int64),
@@ -369,12 +386,15 @@ def _slot_dtype() -> np.dtype[np.void]:
     thawed = np.dtype({
         "names": Thawed._fields, "formats": ["<u4", "<u4", "<u2", "u1", "<f8"], "offsets": [0, 4, 8, 10, 12],
     })  # fmt: skip
+    localization = np.dtype({
+        "names": Localization._fields, "formats": ["<u4", ("<f4", 3), ("<f4", 3), "<f8"], "offsets": [0, 4, 16, 28],
+    })  # fmt: skip
     fields = [
         ("sequence", "<u4", 0), ("life", "u1", LIFE_AT),
         ("incarnation", "<u4", 8), ("epoch", "<u4", 12), ("xi", "<u4", 16), ("swarm_incarnation", "<u2", 20),
         ("state", "u1", 22), ("lit", "u1", 23), ("flying", "u1", 24),
         ("start", ("<f8", 3), 28), ("displacement", ("<f8", 3), 52), ("begins_s", "<f8", 76), ("length", "<f8", 84),
-        ("thawed", thawed, 92),
+        ("thawed", thawed, 92), ("localization", localization, 112),
         ("counters", ("<u8", (2, COUNTERS)), COUNTERS_AT),
         ("timer_late", ("<u4", BUCKETS), TIMER_LATE_AT), ("handled_late", ("<u4", BUCKETS), HANDLED_LATE_AT),
     ]  # fmt: skip

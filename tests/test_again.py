@@ -161,7 +161,7 @@ def helix_run(tmp_path, monkeypatch):
     settings = load_config(
         None, ["engine=virtual", "duration_s=1", "recording.enabled=false"], shape="helix.xyz"
     )
-    assert run_command.run(settings, tmp_path / "run", live=False, as_json=False) == 0
+    assert run_command.run(settings, tmp_path / "run", live=None, as_json=False) == 0
     monkeypatch.chdir("/")
     return tmp_path / "run", file
 

@@ -58,6 +58,23 @@ def test_a_run_in_virtual_time_is_measured_beside_the_reference_loop(monkeypatch
     assert "F^" in table
 
 
+def test_the_recording_is_measured_on_and_off(monkeypatch, capsys):
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    from bench import recording
+
+    monkeypatch.setattr(recording, "RUNS", (("sphere", 1),))
+    monkeypatch.setattr(recording, "WORST", (("cube", 2),))
+    recording.run(1)
+    rows = {
+        line.split()[0]: line.split()[1:] for line in capsys.readouterr().out.splitlines() if line[:2] == "  "
+    }
+    for name, points in (("sphere", "100"), ("cube", "125")):
+        assert rows[name][0] == points
+        megabytes, per_minute, on, off = map(float, rows[name][2:])
+        assert 0.1 < megabytes < per_minute
+        assert on > off > 0
+
+
 def test_a_table_that_is_not_there_is_refused():
     done = bench("nope")
     assert done.returncode == 2

@@ -25,6 +25,7 @@ from swarmer.telemetry import (
     Began,
     Clock,
     Life,
+    Localization,
     Phase,
     Reader,
     Row,
@@ -56,7 +57,8 @@ def test_a_slot_reads_as_it_was_written(shared):
         Flight((1.0, 2.0, 3.0), (0.0, 0.0, 0.0), 5.0, 0.0, 0.0),
         Thawed(6, 2**31, 3, Began.CLOCK, 4.5),
     )
-    slot.publish(Row(2, 7, 11, 1, 4, True, True, flight, thawed))
+    localization = Localization(9, (1.5, 2.0, 3.0), (0.5, 0.25, -4.0), 4.25)
+    slot.publish(Row(2, 7, 11, 1, 4, True, True, flight, thawed, localization))
     slot.live(Life.READY)
     slot.handler_counts[Count.LOCALIZATIONS] += 3
     slot.network_counts[Count.LOCALIZATIONS] += 2
@@ -76,6 +78,8 @@ def test_a_slot_reads_as_it_was_written(shared):
     assert (sample.state[i], bool(sample.lit[i]), sample.life[i]) == (4, True, Life.READY)
     assert sample.position[i].tolist() == [1.0, 2.0, 3.0]
     assert Thawed(*sample.thawed[i].tolist()) == thawed
+    anchor, start, vector, begins_s = sample.localization[i].tolist()
+    assert (anchor, tuple(start), tuple(vector), begins_s) == localization
     assert not sample.lit[[0, 1, 3, 4, 5, 6, 7]].any(), "each FLS has a slot of its own"
     assert (sample.counters[Count.LOCALIZATIONS], sample.counters[Wire.SENT]) == (5, 1)
     assert sample.counters.sum() == 6 + 3_000_000
@@ -115,14 +119,16 @@ WRITER = """
 import sys
 from itertools import count
 from swarmer.physics.flight import Flight
-from swarmer.telemetry import Row, SharedMemory, Slot, Thawed
+from swarmer.telemetry import Localization, Row, SharedMemory, Slot, Thawed
 shared = SharedMemory(8, int(sys.argv[1]))
 slots = [Slot(shared, fid) for fid in range(1, 9)]
 print("ready", flush=True)
 for n in count(1):
     f = float(n)
     flight = Flight((f, f, f), (0.0, 0.0, 0.0), f, 0.0, 0.0)
-    row = Row(n, n, n, n % 65536, n % 5, n % 2, n % 2, flight, Thawed(n, n, n % 65536, 0, f))
+    small = float(n % 65536)
+    localization = Localization(n, (small,) * 3, (small,) * 3, f)
+    row = Row(n, n, n, n % 65536, n % 5, n % 2, n % 2, flight, Thawed(n, n, n % 65536, 0, f), localization)
     for slot in slots:
         slot.publish(row)
 """

@@ -43,7 +43,7 @@ ANY_WIDTH = 1000  # where there is no terminal, a line stays one
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Set any setting, as radio.loss=0.1; may be repeated.")  # fmt: skip
 @click.option("--dedupe", is_flag=True, help="Drop points that the shape has twice instead of refusing it.")
 @click.option("--out", metavar="DIR", help="The run directory itself. [default: runs/SHAPE-TIME-SEED]")  # fmt: skip
-@click.option("--live", is_flag=True, help="Open the rerun viewer while it runs.")
+@click.option("--live", metavar="[auto|desktop|web|PORT]", is_flag=False, flag_value="auto", help="Show it in rerun's viewer while it runs: the one that is open, else a new window, else a page. Or in the one listed.")  # fmt: skip
 @click.option("--no-recording", is_flag=True, help="Do not write recording.rrd.")
 @click.option("--check", is_flag=True, help="Check the protocol's invariants after every event, and stop at the first that is broken; with --engine virtual.")  # fmt: skip
 @click.option("--trace", is_flag=True, help="Write trace.jsonl.gz, the log of all that happened to each FLS, for `swarmer explain`; with --engine virtual.")  # fmt: skip
@@ -56,7 +56,7 @@ def command(
     overrides: tuple[str, ...],
     dedupe: bool,
     out: str | None,
-    live: bool,
+    live: str | None,
     no_recording: bool,
     check: bool,
     trace: bool,
@@ -114,7 +114,7 @@ def directory_named(out: str | None) -> Path | None:
 def run(
     config: RunConfig,
     out: Path | None,
-    live: bool,
+    live: str | None,
     as_json: bool,
     source: str | None = None,
     trace_fids: str | None = None,
@@ -123,23 +123,27 @@ def run(
     """Check, plan, run, sum up; the exit status. Raises BadInput before anything is written, RunFailed after.
 
     source: the file that the settings were read from; with a run beside it, the shape is compared with that run's.
+    live: how it is shown meanwhile, as the option has it; None for not at all.
     trace_fids: whose events are logged, as the option has it, or EVERYBODY; None for no log.
     check: the invariants, after every event.
     """
     with ends_at_once():
         from swarmer.engines.named import make_engine
         from swarmer.observe.collector import Collector
+        from swarmer.observe.live import check_way
         from swarmer.observe.panel import Panel
         from swarmer.observe.run_directory import TRACE, RunDirectory, check_out
         from swarmer.plan import make_plan
 
         if out is not None:
             check_out(out)
+        if live is not None:
+            check_way(live)
         refuse_witnesses(config, trace_fids, check)
         plan = make_plan(config)
         tracer = make_tracer(plan, trace_fids)
         ready = make_engine(plan, [*([tracer] if tracer else []), *make_checks(plan, check)])
-        if config.recording.enabled or live:
+        if config.recording.enabled or live is not None:
             from swarmer.observe.recording import import_rerun
 
             import_rerun()

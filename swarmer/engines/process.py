@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Self
 from swarmer.engines.fidelity import Tally
 from swarmer.engines.governor import LOOK_S, Governor
 from swarmer.engines.limits import check_limits, children_of, private_mb
+from swarmer.engines.localized import LocalizedWatch
 from swarmer.engines.reading import kernel_drops, totals_of
 from swarmer.engines.result import Event, Live, Observer, RunResult, Snapshot
 from swarmer.engines.specs import setup
@@ -101,6 +102,7 @@ class _Run:
         self._numbers = 0
         self.thaws, self.begun = ThawWatch(plan.rules), ThawTally(plan.rules)
         self.hindsight = ThawsInHindsight(plan.rules, self.begun)
+        self.localized = LocalizedWatch(self.count)
         self._went_wall = 0.0
         self._process: subprocess.Popen[bytes] | None = None
         self._complaints, self._complaint = 0, ""
@@ -369,6 +371,7 @@ class _Run:
         return Snapshot(
             sample.t_s, sample.position, sample.swarm, sample.state, sample.lit & alive, alive,
             self._counters(sample), live, sample.swarm_incarnation, sample.flown,
+            localized=self.localized.look(sample.localization),
         )  # fmt: skip
 
     def _counters(self, sample: Sample) -> dict[str, float]:

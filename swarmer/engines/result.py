@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class Snapshot(NamedTuple):
     """All FLSs at one moment; row i is FID i + 1. The arrays belong to the receiver."""
 
-    t_s: float  # emulated seconds since the go signal
+    t_s: float  # emulated seconds since the go signal; of an engine that has rounds and no time: the round
     position: NDArray[np.float64]  # (F, 3), display cells, the estimated truth
     swarm: NDArray[np.int32]  # (F,), Swarm-ID; 0 while dark
     state: NDArray[np.int8]  # (F,), index into swarmer.state_machine.State
@@ -36,6 +36,18 @@ class Snapshot(NamedTuple):
     )
     flown: NDArray[np.float64] | None = None  # (F, 2), cells flown: localizing, following
     hd_cells: float | None = None  # as the engine has read it, NaN: not read; None: the observer reads it
+    localized: Localized | None = (
+        None  # since the sample before; None: nobody was, or the engine does not know
+    )
+
+
+class Localized(NamedTuple):
+    """FLSs that took off to where a localization led them; row by row, cells in the display."""
+
+    fid: NDArray[np.int32]  # (K,)
+    anchor: NDArray[np.int32]  # (K,), FID of the FLS that each localized by; 0 where there is no single one
+    start: NDArray[np.float32]  # (K, 3)
+    vector: NDArray[np.float32]  # (K, 3), flown, with its error of dead reckoning
 
 
 class RoundRow(NamedTuple):

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from swarmer.engines.fidelity import faithful
+from swarmer.engines.localized import take_localized
 from swarmer.engines.reading import totals_of
 from swarmer.engines.result import Event, Lateness, Live, Observer, RunResult, Snapshot, Witness
 from swarmer.engines.specs import fls_rows, fls_spec
@@ -281,6 +282,7 @@ class _Run:
             ),
             swarm_incarnation=self._swarm_incarnation(),
             flown=np.array(self.shared.flown, np.float64).reshape(-1, 2)[1:] / 1e6,
+            localized=take_localized(self.shared.localized),
         )
 
     def _swarm_incarnation(self) -> NDArray[np.int32] | None:

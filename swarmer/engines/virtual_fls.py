@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from swarmer.engines.result import Witness
 from swarmer.engines.virtual_radio import RUN, Air
@@ -18,11 +18,13 @@ from swarmer.faults import NO_FAULTS, Schedule
 from swarmer.fls import DEPARTED, DUE, FAILED, FAILURE, LANDING, NEVER, PRIORITY, REFUSED, BaseFls, FlsSpec
 from swarmer.messages import ZERO, Message, Stamp, Swarm
 from swarmer.metrics.lateness import bucket
+from swarmer.physics.flight import Flight
 from swarmer.plan import Rules
 from swarmer.protocol.events import ThawBegins
 from swarmer.protocol.race import JUDGED
 from swarmer.protocol.records import Counters
 from swarmer.radio import WINDOW, heard
+from swarmer.state_machine import State
 from swarmer.telemetry import DELIVERED_BY_KIND, Wire
 
 __all__ = ["DEPARTED", "FAILED", "Shared", "VirtualFls"]
@@ -53,6 +55,9 @@ class Shared:
     )  # told when one begins a thaw
     flown: array[int] | None = None  # by FID, two places each, microcells: localizing, following
     faults: Schedule = NO_FAULTS
+    localized: list[tuple[int, int, Flight]] = field(
+        default_factory=list
+    )  # FID, its anchor's, its flight: since the last sample
 
 
 class VirtualFls(BaseFls):
@@ -205,6 +210,9 @@ class VirtualFls(BaseFls):
 
     def moved(self) -> None:
         self._air.moved(self)
+        if self.machine.state is State.BUSY_LOCALIZING and self.flight.length > 0.0:
+            assert self.machine.anchor is not None
+            self.shared.localized.append((self.fid, self.machine.anchor.sender, self.flight))
 
     def count_flown(self, place: int, microcells: int) -> None:
         super().count_flown(place, microcells)

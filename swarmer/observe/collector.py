@@ -17,6 +17,7 @@ from swarmer.observe.summary import make_summary
 from swarmer.observe.timeline import Frame, TimelineWriter, series_of
 
 if TYPE_CHECKING:
+    from swarmer.observe.live import LiveViewer
     from swarmer.observe.panel import Panel
     from swarmer.observe.recording import Recording
     from swarmer.plan import Plan
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
 class Collector:
     """An engine's Observer (see engines.result), and after the run the writer of its summary."""
 
-    def __init__(self, directory: RunDirectory, panel: Panel | None = None, live: bool = False) -> None:
-        """directory: open, closed by `finish`. panel: shown while the run lives. live: also a rerun viewer."""
+    def __init__(self, directory: RunDirectory, panel: Panel | None = None, live: str | None = None) -> None:
+        """directory: open, closed by `finish`. panel: shown while the run lives. live: a way of `live.open_viewer`."""
         self.directory = directory
         self.failure: RunFailed | None = None
         self._panel = panel
@@ -48,18 +49,39 @@ class Collector:
         truth = plan.cloud.points
         self.directory.write_config(plan.config, plan.cloud.sha256)
         self._timeline = TimelineWriter(self.directory.path, truth)
-        if plan.config.recording.enabled or self._live:
-            from swarmer.observe.recording import Recording
-
-            stream = self.directory.stream(RECORDING)
-            self._recording = Recording(stream, truth, plan.cloud.name, self._live)
         if self._panel is not None:
             self._panel.planned(plan)
-        if self._recording is not None and self._recording.warning:
-            self._warn(self._recording.warning)
+        self._open_recording(plan)
         self._keep(
             self.directory.log, f"planned: {plan.cloud.name}, {plan.size} FLSs, seed {plan.config.seed}"
         )
+
+    def _open_recording(self, plan: Plan) -> None:
+        """For the file, for a live viewer, for both; a viewer that cannot be had is only told of."""
+        viewer = self._open_viewer()
+        if not plan.config.recording.enabled and viewer is None:
+            return
+        from swarmer.observe.recording import Recording
+
+        stream = self.directory.stream(RECORDING) if plan.config.recording.enabled else None
+        self._recording = Recording(plan, stream, viewer)
+        if self._recording.every > 1:
+            self._tell(
+                f"note: {plan.size} FLSs are many: the recording shows them at 1 of {self._recording.every} samples "
+                "(recording.positions_per_s)"
+            )
+        self._tell_of_viewer()
+
+    def _open_viewer(self) -> LiveViewer | None:
+        if self._live is None:
+            return None
+        from swarmer.observe.live import open_viewer
+
+        try:
+            return open_viewer(self._live)
+        except RunFailed as failure:
+            self._tell(f"warning: {failure}; the run goes on")
+            return None
 
     def launching(self, ready: int, total: int) -> None:
         """Show how far the launch is."""
@@ -79,6 +101,7 @@ class Collector:
         self._progress.update(snapshot)
         self._keep(self._record, snapshot)
         self._tell_single_swarm(snapshot.t_s)
+        self._tell_of_viewer()
         if self._panel is not None:
             self._panel.sample(snapshot, self._progress)
         return self.failure is not None or self._progress.reached(self._plan.config.until_hd_cells)
@@ -92,7 +115,7 @@ class Collector:
         self._timeline.append(frame, series_of(snapshot))
         self._timeline.flown = snapshot.flown
         if self._recording is not None:
-            self._recording.frame(frame, self._progress.swarms.number, self._progress.states)
+            self._recording.sample(snapshot, self._progress)
 
     def _tell_single_swarm(self, t_s: float) -> None:
         assert self._progress is not None
@@ -153,7 +176,11 @@ class Collector:
             if self.failure is None:
                 self.failure = failure
 
-    def _warn(self, text: str) -> None:
-        self._keep(self.directory.log, f"warning: {text}")
+    def _tell_of_viewer(self) -> None:
+        for line in self._recording.news() if self._recording is not None else ():
+            self._tell(line)
+
+    def _tell(self, text: str) -> None:
+        self._keep(self.directory.log, text)
         if self._panel is not None:
-            self._panel.say(f"warning: {text}")
+            self._panel.say(text)

@@ -9,7 +9,6 @@ import importlib.util
 import os
 import shutil
 import socket
-import subprocess
 import sys
 import time
 from collections.abc import Sequence
@@ -20,6 +19,12 @@ from swarmer.errors import RunFailed
 HOST = "127.0.0.1"
 GRPC_PORT = 9876
 WEB_PORT = 9090
+STDIN = Path("-")  # in place of a file: what comes on the standard input
+HTTP2_GREETING, HTTP2_SETTINGS = (
+    b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
+    bytes((0, 0, 0, 4, 0, 0, 0, 0, 0)),
+)  # RFC 9113
+SETTINGS_AT = 3  # of a frame: its type
 
 
 def rerun_command() -> list[str]:
@@ -37,7 +42,7 @@ def rerun_command() -> list[str]:
 
 
 def native_command(files: Sequence[Path], port: int) -> list[str]:
-    """The desktop viewer, listening on `port`, showing `files`."""
+    """The desktop viewer, listening on `port`, showing `files`; in one that listens there already, if there is one."""
     return [*rerun_command(), "--bind", HOST, "--port", str(port), *map(str, files)]
 
 
@@ -52,15 +57,20 @@ def web_address(port: int, web_port: int) -> str:
     return f"http://{HOST}:{web_port}/?url=rerun%2Bhttp://{HOST}:{port}/proxy"
 
 
-def start_viewer(port: int) -> None:
-    """Start the desktop viewer on its own; it outlives the run. Raises OSError."""
-    subprocess.Popen(
-        native_command((), port),
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+def serves_viewers(port: int, wait_s: float = 1.0) -> bool:
+    """True if what listens on the port speaks rerun's kind of protocol: it greets over HTTP/2 without being upgraded.
+
+    Other programs may have that port; most answer such a greeting by an error, or not at all.
+    """
+    with socket.socket() as probe:
+        probe.settimeout(wait_s)
+        try:
+            probe.connect((HOST, port))
+            probe.sendall(HTTP2_GREETING + HTTP2_SETTINGS)
+            answer = probe.recv(len(HTTP2_SETTINGS))
+        except OSError:
+            return False
+    return len(answer) > SETTINGS_AT and answer[SETTINGS_AT] == HTTP2_SETTINGS[SETTINGS_AT]
 
 
 def display_available() -> bool:

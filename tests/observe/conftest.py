@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +15,10 @@ from swarmer.engines.result import Event, Lateness, Live, RunResult, Snapshot
 from swarmer.observe.collector import Collector
 from swarmer.observe.run_directory import RunDirectory
 from swarmer.shapes.cloud import PointCloud, make_cloud
+
+sys.path.insert(
+    0, str(Path(__file__).parent)
+)  # `rrd_rows`, which tests of this room share, is a plain module
 
 
 def ball(count: int, seed: int = 0) -> PointCloud:
