@@ -19,12 +19,14 @@ LOCAL_WORDS = {
     Local.RENEW_DUE: "renew due", Local.THAW_DUE: "thaw due", Local.REPORT_DUE: "report due",
     Local.LAUNCH: "launch", Local.LANDED: "landed",
     Local.MEASURED: "measured", Local.BATTERY_LOW: "battery low",
+    Local.NEW_SHAPE: "new shape",
 }  # fmt: skip
 
 # What each rule of the table does, and the numbers of the page's rules that it follows.
 WORDS: dict[str, tuple[str, str]] = {
     "launch": ("1", "Fly to the own point by dead reckoning; start the thaw timer."),
-    "light_up": ("1", "Light up, take the own FID as Swarm-ID, start the challenge timer."),
+    "light_up": ("1, 15", "Light up, take the own FID as Swarm-ID, start the challenge timer; or fly on, if the "
+                 "shape has changed."),
     "challenge_due": ("2, 9", "Challenge, unless R-Complete; widen the range if the last challenge found no taker."),
     "skip_tick": ("2", "Busy: this tick passes. (With `waiting_ends: tick` it ends Waiting.)"),
     "accept": ("3, 9, 10", "Another swarm: accept if Available, or if anchoring and the Swarm-IDs allow it. The own "
@@ -50,7 +52,7 @@ WORDS: dict[str, tuple[str, str]] = {
     "follow": ("5, 6", "Fly V."),
     "merge": ("5, 6", "Take the new Swarm-ID; an anchor keeps its leases."),
     "follow_merge": ("5, 6", "Take the new Swarm-ID, then fly V."),
-    "follower_landed": ("6", "The flight is over."),
+    "follower_landed": ("6, 15", "The flight is over; or there is a way on, if the shape has changed."),
     "bound_over": ("7", "Nobody said anything for max(λ, 2δ): go on alone."),
     "thaw_due": ("11", "Begin the next epoch: THAW to all, and obey it."),
     "rearm_thaw": ("11", "Not lit yet: try again later."),
@@ -62,6 +64,8 @@ WORDS: dict[str, tuple[str, str]] = {
                           "copies."),
     "hear_abort": ("11", "`corner`: forget the copies; a corner tries again later."),
     "report_due": ("11", "By the policy's clock: `roster` asks the missing, `census` reports, a `corner` announces."),
+    "change_shape": ("15", "Begin the first epoch of the next shape and fly to the own point in it; who has none "
+                     "leaves. Who flies does so after its landing."),
     "leave": ("13", "On the ground: tell the neighbours, free who waits, go."),
 }  # fmt: skip
 
@@ -153,7 +157,8 @@ WAYS = {
     (A, BL): Way((530, 105), (830, 395), (742, 345), "end"),
     (BL, A): Way((870, 397), (562, 105), (774, 205), "start"),
     (BL, W): Way((798, 420), (582, 420), (690, 444), "middle"),
-    (W, BA): Way((418, 420), (202, 420), (310, 444), "middle"),
+    (W, BA): Way((418, 430), (202, 430), (310, 454), "middle"),
+    (BA, W): Way((202, 410), (418, 410), (310, 402), "middle"),
 }
 
 

@@ -21,6 +21,7 @@ from swarmer.config_groups import (
     Failure,
     Faults,
     Flight,
+    Oracle,
     Process,
     Radio,
     Range,
@@ -28,6 +29,7 @@ from swarmer.config_groups import (
     Rounds,
     Sensing,
     Thaw,
+    Transition,
     Virtual,
 )
 from swarmer.errors import BadInput
@@ -159,6 +161,8 @@ class RunConfig(Group):
     sensing: Sensing = Sensing()
     flight: Flight = Flight()
     deploy: Deploy = Deploy()
+    oracle: Oracle = Oracle()
+    transition: Transition = Transition()
     failure: Failure = Failure()
     faults: Faults = Faults()
     recording: Recording = Recording()
@@ -305,6 +309,8 @@ def contradictions(config: RunConfig) -> list[str]:
             f"epochs: false is not allowed with thaw.policy: {config.thaw.policy}, whose late reports would count; "
             "true, or thaw.policy: timer"
         ]
+    if wrong := _transition(config):
+        return [wrong]
     if config.engine in ("virtual", "rounds") and config.time_scale != "auto":
         return [
             f"time_scale: {config.time_scale:g} is not for the engine {config.engine}; "
@@ -314,6 +320,29 @@ def contradictions(config: RunConfig) -> list[str]:
     if least > longest:
         return [f"virtual.latency_min_ms: {least:g} is more than virtual.latency_max_ms, {longest:g}"]
     return []
+
+
+def _transition(config: RunConfig) -> str:
+    """What is wrong with the change of shape, or with oracles, if anything."""
+    then = config.transition
+    if config.engine == "rounds" and (then.shape is not None or config.oracle.count):
+        name = "oracle.count" if then.shape is None else "transition.shape"
+        return f"{name}: {_at(config, name)} is not for the engine rounds; process or virtual"
+    if then.shape is None:
+        given = [name for name in ("at_s", "points") if getattr(then, name) is not None]
+        return (
+            f"transition.shape: null leaves transition.{given[0]} without a shape to become" if given else ""
+        )
+    if then.at_s is None:
+        return "transition.at_s: null does not say when; seconds from the go signal, with transition.shape"
+    if then.at_s >= config.duration_s:
+        return (
+            f"transition.at_s: {then.at_s:g} is not before the end of the run; seconds, less than duration_s, "
+            f"{config.duration_s:g}"
+        )
+    if not config.epochs:
+        return "epochs: false is not allowed with transition.shape: what the old shape says must be told from the new"
+    return ""
 
 
 def setting_facts() -> list[Setting]:

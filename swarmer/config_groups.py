@@ -186,6 +186,37 @@ class Deploy(Group):
     )
 
 
+class Oracle(Group):
+    """FLSs that know where they are."""
+
+    count: int = whole(0, "", 0, FAR, "so many FLSs, spread over the shape, know their own position exactly")
+
+
+class Transition(Group):
+    """The shape that comes after the first one."""
+
+    shape: str | None = text(
+        None, "what the display becomes, a name or a path as for shape", none="it stays what it is"
+    )
+    points: int | None = whole(
+        None,
+        "",
+        2,
+        10_000_000,
+        "sample exactly this many points of that shape",
+        none="as many as it has",
+    )
+    at_s: float | None = number(
+        None,
+        "s",
+        0,
+        FAR,
+        "when, from the go signal; must be given with transition.shape",
+        above=True,
+        none="never",
+    )
+
+
 class Failure(Group):
     """What goes wrong with FLSs themselves."""
 

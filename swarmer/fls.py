@@ -12,12 +12,13 @@ from abc import ABC, abstractmethod
 from collections import deque
 from itertools import count as counting
 from random import Random
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from swarmer.faults import NO_FAULTS, Schedule
-from swarmer.messages import ENGINE_FID, NO_SWARM, Kind, Message, Stamp, Swarm, Vec3
+from swarmer.fls_spec import FlsSpec
+from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Message, Stamp, Swarm, Vec3
 from swarmer.physics.dead_reckoning import MODELS as DEAD_RECKONING
-from swarmer.physics.flight import Flight, plan_flight, position_at
+from swarmer.physics.flight import Flight, plan_flight, position_at, way
 from swarmer.physics.sensor_faults import sensed
 from swarmer.plan import Rules, make_machine, make_sensor, make_velocity
 from swarmer.protocol import race
@@ -34,33 +35,26 @@ from swarmer.protocol.events import (
     Launch,
     Measure,
     Measured,
+    NewShape,
     Received,
     Send,
     ThawBegins,
     Timer,
-)
+)  # fmt: skip
 from swarmer.protocol.records import Counters
 from swarmer.radio import Ears, ReplayWindow, heard
 from swarmer.radio_faults import Ends
 from swarmer.state_machine import Identity, State
 from swarmer.streams import stream
-from swarmer.telemetry import DELIVERED_BY_KIND, SENT_BY_KIND, Wire
+from swarmer.telemetry import DELIVERED_BY_KIND, REFUSED, SENT_BY_KIND, Wire
 
 if TYPE_CHECKING:
     from swarmer.engines.result import Witness
 
 FAILED, DEPARTED = "failed", "departed"
 
-# Lower goes first: control and thaw, then what a whole swarm waits for, then the rest.
-_FIRST = {Kind.THAW, Kind.THAW_ANNOUNCE, Kind.THAW_ABORT}
-_SECOND = {
-    Kind.SET_WAITING, Kind.SET_AVAILABLE, Kind.FOLLOW, Kind.MERGE, Kind.FOLLOW_MERGE, Kind.CHALLENGE_FIN, Kind.COUNT,
-    Kind.ROLL_CALL,
-}  # fmt: skip
-PRIORITY = tuple(0 if n in _FIRST else 1 if n in _SECOND else 2 for n in range(max(Kind) + 1))
-
 # What an FLS waits for, besides the machine's timers, which come first: places in the list of deadlines.
-LANDING, MEASURED, LAUNCH, BATTERY, FAILURE = range(len(Timer), len(Timer) + 5)
+LANDING, MEASURED, LAUNCH, BATTERY, NEW_SHAPE, FAILURE = range(len(Timer), len(Timer) + 6)
 NEVER = float("inf")
 
 # As plain numbers: indexing by a member of an enum takes twice the time.
@@ -69,30 +63,7 @@ _LOST_SENDER, _LOST_RECEIVER = int(Wire.LOST_SENDER), int(Wire.LOST_RECEIVER)
 _ANSWERED_AT_ONCE, _FLIGHTS = int(Wire.ANSWERED_AT_ONCE), int(Wire.FLIGHTS)
 _DISTANCE, _LOCALIZING = int(Wire.DISTANCE_MICROCELLS), int(Wire.LOCALIZING_MICROCELLS)
 _FLOWN = {State.BUSY_LOCALIZING: _LOCALIZING, State.WAITING: int(Wire.FOLLOWING_MICROCELLS)}
-REFUSED = {
-    "run": int(Wire.OTHER_RUN), "sender": int(Wire.BAD), "address": int(Wire.NOT_ADDRESSED),
-    "range": int(Wire.OUT_OF_RANGE), "own": int(Wire.OWN_SWARM),
-}  # fmt: skip
-DUE = tuple(map(Due, Timer))
-_LANDED = Landed()
-_STILL: Vec3 = (0.0, 0.0, 0.0)
-
-
-class FlsSpec(NamedTuple):
-    """What one FLS is."""
-
-    fid: int
-    incarnation: int
-    truth: Vec3
-    neighbours: tuple[int, ...]
-    reach: float  # cells to the farthest planned neighbour
-    near: tuple[int, ...]  # FIDs nearest in ground truth, nearest first
-    distances: tuple[float, ...]
-    origin: Vec3  # where it, and whoever replaces it, is launched from
-    launch_at_s: float
-    epoch: int
-    start: Vec3 | None = None  # where it is instead, lit as soon as it is launched; who replaces it flies in
-
+DUE, _LANDED = tuple(map(Due, Timer)), Landed()
 
 Queued = tuple[float, Message, Stamp]  # since which emulated second it counts as late
 
@@ -128,20 +99,19 @@ class BaseFls(ABC):
         self._draw_streams()
         self.machine = make_machine(
             rules, Identity(spec.fid, spec.incarnation, spec.truth), spec.neighbours, spec.reach,
-            self._machine_rng, handler_counts, spec.epoch,
+            self._machine_rng, handler_counts, spec.epoch, spec.then,
         )  # fmt: skip
         self.published: race.Published = self.machine  # what the network role may read of it
         self._neighbours = self.machine.beliefs.neighbours
-        begin = spec.origin if spec.incarnation else spec.start or spec.origin
-        self.flight = Flight(begin, _STILL, 0.0, 0.0, 0.0)
+        self.flight = Flight(spec.begins_at, ZERO, 0.0, 0.0, 0.0)
         self._legs: tuple[Vec3, ...] = ()  # of the way that it is on, those still to come
         self.ears = Ears(run_id, spec.fid, NO_SWARM, spec.truth, self._neighbours)
         self._window = ReplayWindow()
         self._numbers = counting(1)
         self.queues: tuple[deque[Queued], ...] = (deque(), deque(), deque())
         self.notes: deque[tuple[Message, Stamp]] = deque(maxlen=1024)
-        self._heard_from = _STILL  # where the sender of the message in hand is
-        self._measured_from = _STILL  # where the anchor is: samples take time, others speak meanwhile
+        # Where the sender of the message in hand is; where the anchor is: samples take time, others speak meanwhile.
+        self._heard_from = self._measured_from = ZERO
         self.due = [NEVER] * (FAILURE + 1)  # emulated seconds
 
     def begin(self) -> None:
@@ -152,6 +122,8 @@ class BaseFls(ABC):
             self.wait(FAILURE, now + self.own_stream("failure").expovariate(rules.failure_rate))
         if rules.battery_s > 0:
             self.wait(BATTERY, now + rules.battery_s)
+        if self.spec.then is not None:
+            self.wait(NEW_SHAPE, rules.change_s or 0.0)
 
     def _draw_streams(self) -> None:
         # The authors' processes fork with one state of the generator: the first draws of all are the same.
@@ -208,6 +180,10 @@ class BaseFls(ABC):
     @abstractmethod
     def tuned(self, old: Swarm) -> None:
         """`ears` listen to another swarm than `old` from now on."""
+
+    @abstractmethod
+    def moved_on(self) -> None:
+        """`spec` and `ears` are those of the next shape."""
 
     @abstractmethod
     def moved(self) -> None:
@@ -334,21 +310,27 @@ class BaseFls(ABC):
         elif what == LANDING:
             # Where the flight ends, whenever that is noticed.
             end = position_at(self.flight, NEVER, self.velocity)
-            self.flight = Flight(end, _STILL, self.now(), 0.0, 0.0)
+            self.flight = Flight(end, ZERO, self.now(), 0.0, 0.0)
             self.moved()
             if self._legs:
                 self._fly_legs(self._legs, self.now())
                 self.perform([], self.now())  # nothing but what comes with it: to show where it flies now
             else:
-                self.feed(_LANDED)
+                self.feed(self._landed())
         elif what == MEASURED:
             self._measure()
         elif what == LAUNCH:
-            self.feed(_LANDED if self.spec.start and not self.spec.incarnation else Launch(self.spec.origin))
+            self.feed(self._landed() if self.spec.starts_lit else Launch(self.spec.origin))
         elif what == BATTERY:
             self.feed(BatteryLow())
+        elif what == NEW_SHAPE:
+            self.feed(NewShape())
         else:
             self.end(FAILED)
+
+    def _landed(self) -> Landed:
+        """To an oracle with how far it is from its point."""
+        return Landed(way(self.position(), self.machine.truth)) if self.machine.oracle else _LANDED
 
     def feed(self, event: Event) -> None:
         """One event to the machine, and what it wants done."""
@@ -390,8 +372,7 @@ class BaseFls(ABC):
             self.end(DEPARTED)
 
     def _measure(self) -> None:
-        x, o = self.position(), self._measured_from
-        vector = self.sensor.measure((o[0] - x[0], o[1] - x[1], o[2] - x[2]), self._sensor_rng)
+        vector = self.sensor.measure(way(self.position(), self._measured_from), self._sensor_rng)
         if self._sensor_faults:
             vector = sensed(vector, self._sensor_faults, self.now(), self._sensor_faults_rng)
         self.feed(Measured(vector))
@@ -414,8 +395,13 @@ class BaseFls(ABC):
         self.handler_counts[place] += microcells
 
     def _retune(self) -> None:
-        """Listen to the machine's swarm from now on; in the dark to none."""
+        """Listen to the machine's swarm from now on, in the dark to none; and as who has its point."""
         machine, ears = self.machine, self.ears
+        if machine.truth is not ears.truth:  # the next shape has begun
+            self.spec = self.spec.changed()
+            self._neighbours = machine.beliefs.neighbours
+            self.ears = ears = Ears(ears.run, ears.fid, ears.swarm, machine.truth, self._neighbours)
+            self.moved_on()
         swarm = machine.swarm if machine.awake else NO_SWARM
         if swarm is not ears.swarm:
             self.ears = Ears(ears.run, ears.fid, swarm, ears.truth, ears.neighbours)

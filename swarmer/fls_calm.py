@@ -9,6 +9,9 @@ from swarmer.protocol.thaw import Never
 
 def calm_down(fls: BaseFls) -> None:
     """It fails no more, leaves no more, and thaws nobody. Its radio and its sensor know by themselves."""
-    fls.machine.thaw_policy = Never()
+    machine = fls.machine
+    machine.thaw_policy = Never()
+    if machine.then is not None:
+        machine.then = machine.then._replace(thaw_policy=Never())
     for what in (int(Timer.THAW), int(Timer.REPORT), FAILURE, BATTERY):
         fls.due[what] = NEVER

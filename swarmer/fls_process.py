@@ -15,8 +15,9 @@ from time import monotonic
 from typing import NamedTuple
 
 from swarmer.faults import NO_FAULTS, Schedule
-from swarmer.fls import DEPARTED, NEVER, PRIORITY, BaseFls, FlsSpec
+from swarmer.fls import DEPARTED, NEVER, BaseFls
 from swarmer.fls_calm import calm_down
+from swarmer.fls_spec import FlsSpec
 from swarmer.messages import (
     CHALLENGE_INIT,
     CONTROL,
@@ -30,6 +31,7 @@ from swarmer.messages import (
 from swarmer.physics.flight import Flight
 from swarmer.plan import Rules
 from swarmer.protocol.events import Action, ThawBegins
+from swarmer.protocol.race import PRIORITY
 from swarmer.protocol.records import Counters
 from swarmer.radio import Grid
 from swarmer.state_machine import State
@@ -210,6 +212,10 @@ class Fls(BaseFls):
 
     def tuned(self, old: Swarm) -> None:
         self.udp.tune(self.ears)
+
+    def moved_on(self) -> None:
+        self._cell = self._grid.of(self.spec.truth)
+        self.udp.move(self.ears, self.spec.near, self.spec.distances)
 
     def moved(self) -> None:
         """Whoever looks sees the flight in the slot; one that localizes also when it is over, however short."""

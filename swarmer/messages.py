@@ -93,7 +93,10 @@ NO_SWARM = Swarm(0, 0)
 JOIN = 1  # the sender is a newcomer that has not merged yet (rule 10)
 BUSY = 2  # an acceptor that is anchoring already; where all may join a busy swarm, it stays the anchor
 ANCHORING = 4  # SET_WAITING: the swarm anchors; without it, it localizes
-ALL_FLAGS = JOIN | BUSY | ANCHORING
+ABSOLUTE = (
+    8  # the sender's swarm stands where it should, for an oracle is in it; MERGE, FOLLOW_MERGE: the new one
+)
+ALL_FLAGS = JOIN | BUSY | ANCHORING | ABSOLUTE
 
 SWARM_KINDS = frozenset((SET_WAITING, SET_AVAILABLE, FOLLOW, MERGE, FOLLOW_MERGE))
 ENGINE_FID = 0

@@ -8,7 +8,7 @@ Importing this file costs no numpy: FLS processes do.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from random import Random
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from swarmer.entry_points import OURS, SENSOR_ERRORS, THAW_POLICIES, installed
 from swarmer.errors import BadInput
 from swarmer.faults import NO_FAULTS, Schedule
+from swarmer.fls_spec import NextSpec
+from swarmer.next_shape import NextShape, Standing, corners, oracles, plan_next, standings_of
 from swarmer.physics.flight import Velocity
 from swarmer.physics.sensing import MODELS as SENSOR_MODELS
 from swarmer.physics.sensing import Sensor, SensorErrorModel
@@ -23,8 +25,8 @@ from swarmer.plugins import ENTRY_POINTS, Localizer, references_of
 from swarmer.protocol.anchor_selection import STRATEGIES
 from swarmer.protocol.census import Census
 from swarmer.protocol.challenge_policy import Always, ChallengePolicy, Decay, RComplete
-from swarmer.protocol.corner import CORNERS, CORNERS_2D, Corner
-from swarmer.protocol.records import Counters
+from swarmer.protocol.corner import Corner
+from swarmer.protocol.records import Counters, NextPoint, shape_of
 from swarmer.protocol.roster import Roster
 from swarmer.protocol.thaw import Never, ThawPolicy, Timer
 from swarmer.radio import EndRules
@@ -85,6 +87,12 @@ class Rules(NamedTuple):
     failure_rate: float
     battery_s: float
     dead_links: float
+    change_s: float | None  # when the display becomes its next shape; None: never
+    counts: tuple[int, ...]  # FLSs of each shape
+    next_thaw_h_s: float
+    next_corners: tuple[int, ...]
+    leavers: tuple[int, ...]  # FIDs that have no point in the next shape
+    oracles: tuple[int, ...]  # FIDs that know where they are
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,11 +105,16 @@ class Plan:
     rules: Rules
     diagonal_cells: float  # of the display
     faults: Schedule = NO_FAULTS
+    next: NextShape | None = None
 
     @property
     def size(self) -> int:
-        """F, the number of FLSs."""
-        return len(self.cloud)
+        """F, the number of FLSs; with a next shape those of the larger one."""
+        return len(self.cloud) + (0 if self.next is None else len(self.next.joiners))
+
+    def standings(self) -> tuple[Standing, ...]:
+        """The truth of the first shape, and of the next if there is one."""
+        return standings_of(self.cloud, self.next)
 
 
 def make_plan(config: RunConfig) -> Plan:
@@ -125,7 +138,28 @@ def make_plan(config: RunConfig) -> Plan:
     try_plugins(rules)
     if config.thaw.policy == "corner":
         rules = rules._replace(thaw_corners=corners(cloud))
-    return Plan(config, cloud, neighbours, rules, diagonal, schedule_of(config, cloud.points))
+    if config.oracle.count:
+        rules = rules._replace(oracles=oracles(cloud, config.oracle.count))
+    plan = Plan(config, cloud, neighbours, rules, diagonal, schedule_of(config, cloud.points))
+    return plan if config.transition.shape is None else _with_next_shape(plan)
+
+
+def _with_next_shape(plan: Plan) -> Plan:
+    """The plan with the shape that its settings say comes after. Raises BadInput."""
+    config, shape = plan.config, plan_next(plan.config, plan.cloud)
+    rules = plan.rules._replace(
+        count=len(plan.cloud) + len(shape.joiners),
+        dim=shape.dim,
+        range_max=shape.diagonal_cells if config.range.max_cells is None else config.range.max_cells,
+        change_s=shape.at_s,
+        counts=(len(plan.cloud), len(shape.cloud)),
+        next_thaw_h_s=config.thaw_h_s(len(shape.cloud)),
+        next_corners=shape.corners if config.thaw.policy == "corner" else (),
+        leavers=shape.leavers,
+    )
+    transition = config.transition.model_copy(update={"shape": shape.place})
+    config = config.model_copy(update={"transition": transition})
+    return replace(plan, config=config, rules=rules, diagonal_cells=shape.diagonal_cells, next=shape)
 
 
 def dimensioned(config: RunConfig, cloud: PointCloud) -> tuple[PointCloud, int]:
@@ -164,15 +198,6 @@ def check_references(config: RunConfig, technique: str, count: int, dim: int) ->
         raise BadInput(
             "technique", config.technique, f"too few points: it needs {needed + 1} or more, {count} are there"
         )
-
-
-def corners(cloud: PointCloud) -> tuple[int, ...]:
-    """FIDs of the points farthest from the centroid: 8, in a flat cloud 4, or all; of equal ones the lower FIDs."""
-    import numpy as np
-
-    far = ((cloud.points - cloud.points.mean(axis=0)) ** 2).sum(axis=1)
-    most = CORNERS_2D if cloud.dim == 2 else CORNERS
-    return tuple(sorted((np.argsort(-far, kind="stable")[:most] + 1).tolist()))
 
 
 def find_technique(name: str) -> str:
@@ -271,6 +296,12 @@ def make_rules(config: RunConfig, count: int, dim: int, diagonal: float, techniq
         failure_rate=c.failure.rate,
         battery_s=c.failure.battery_s,
         dead_links=radio.dead_links,
+        change_s=None,
+        counts=(count,),
+        next_thaw_h_s=0.0,
+        next_corners=(),
+        leavers=(),
+        oracles=(),
     )  # fmt: skip
 
 
@@ -282,11 +313,9 @@ def make_machine(
     rng: Random,
     counts: Counters | None = None,
     epoch: int = 0,
+    then: NextSpec | None = None,
 ) -> StateMachine:
-    """The state machine of one FLS. reach: cells to its farthest planned neighbour."""
-    # A hair more, so that whoever is just in range is, whichever way the distance was computed.
-    start = reach if rules.range_start is None else rules.range_start
-    hair = 1 + 1e-9
+    """The state machine of one FLS. reach: cells to its farthest planned neighbour. then: what it is to be after."""
     settings = MachineSettings(
         lambda_s=rules.lambda_s,
         lease_s=rules.lease_s,
@@ -295,9 +324,9 @@ def make_machine(
         waiting_bound_s=1e9 if rules.waiting_ends_at_tick else rules.waiting_bound_s,
         waiting_ends_at_tick=rules.waiting_ends_at_tick,
         flight_threshold=rules.flight_threshold,
-        range_start=min(start, rules.range_max) * hair,
+        range_start=range_start(rules, reach),
         range_step=rules.range_step,
-        range_max=rules.range_max * hair,
+        range_max=rules.range_max * (1 + 1e-9),
         challenge_on_available=rules.challenge_on_available,
         accept_gap_s=rules.accept_gap_s,
         neighbour_reply=rules.neighbour_reply,
@@ -308,8 +337,17 @@ def make_machine(
         localizer=make_localizer(rules.technique),
     )
     challenges = make_challenge_policy(rules, identity.fid)
-    thaws = make_thaw_policy(rules, identity.fid)
-    return StateMachine(identity, neighbours, settings, challenges, thaws, rng, counts, epoch)
+    thaws = make_thaw_policy(rules, identity.fid, shape_of(epoch))
+    oracle = identity.fid in rules.oracles
+    if then is None:
+        return StateMachine(
+            identity, neighbours, settings, challenges, thaws, rng, counts, epoch, oracle=oracle
+        )
+    point = NextPoint(
+        then.epoch, then.truth, then.neighbours, range_start(rules, then.reach),
+        make_thaw_policy(rules, identity.fid, shape_of(then.epoch)),
+    )  # fmt: skip
+    return StateMachine(identity, neighbours, settings, challenges, thaws, rng, counts, epoch, point, oracle)
 
 
 def make_challenge_policy(rules: Rules, fid: int) -> ChallengePolicy:
@@ -321,17 +359,32 @@ def make_challenge_policy(rules: Rules, fid: int) -> ChallengePolicy:
     return RComplete(rules.probe_every, fid)
 
 
-def make_thaw_policy(rules: Rules, fid: int) -> ThawPolicy:
-    """What one FLS does for the thaws of the display."""
-    count, h_s, spread = rules.count, rules.thaw_h_s, rules.thaw_spread
+def range_start(rules: Rules, reach: float) -> float:
+    """The range of an FLS's first challenge, cells. reach: to its farthest planned neighbour."""
+    start = reach if rules.range_start is None else rules.range_start
+    # A hair more, so that whoever is just in range is, whichever way the distance was computed.
+    return min(start, rules.range_max) * (1 + 1e-9)
+
+
+def thaw_h_of(rules: Rules, shape: int) -> float:
+    """H in the n-th shape of the run, emulated seconds."""
+    return rules.next_thaw_h_s if shape else rules.thaw_h_s
+
+
+def make_thaw_policy(rules: Rules, fid: int, shape: int = 0) -> ThawPolicy:
+    """What one FLS does for the thaws of the display, in the n-th shape of the run."""
+    shape = min(shape, len(rules.counts) - 1)  # a stranger may have said any epoch
+    count, h_s, spread = rules.counts[shape], thaw_h_of(rules, shape), rules.thaw_spread
     if rules.thaw_policy == "timer":
         return Timer(h_s, spread)
     if rules.thaw_policy == "roster":
-        return Roster(count, h_s, spread, rules.thaw_rest, falls=rules.anchor == "lowest")
+        gone = rules.leavers if shape else ()
+        falls = rules.anchor == "lowest" and not rules.oracles
+        return Roster(count, h_s, spread, rules.thaw_rest, falls, gone)
     if rules.thaw_policy == "census":
         return Census(count, h_s, spread)
     if rules.thaw_policy == "corner":
-        return Corner(count, h_s, spread, fid in rules.thaw_corners)
+        return Corner(count, h_s, spread, fid in (rules.next_corners if shape else rules.thaw_corners))
     if ":" in rules.thaw_policy:
         from swarmer.plugins.guard import GuardedPolicy
 

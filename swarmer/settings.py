@@ -250,7 +250,7 @@ def named(default: str, words: tuple[str, ...], group: str, help: str) -> Any:
 
 
 def text(default: str | None, help: str, none: str = "") -> Any:
-    """A name that something else checks later."""
+    """A name that something else checks later; `none`: what null stands for."""
     return _field(Setting("text", default, help, none=none))
 
 

@@ -76,7 +76,8 @@ def _override(override: str, known: Mapping[str, Setting]) -> dict[str, Any]:
     if not equals or not name:
         raise BadInput.saying(f"--set: {shown(override)} is not NAME=VALUE, such as radio.loss=0.1")
     if name in known and known[name].kind == "text":
-        return {name: raw.strip()}
+        word = raw.strip()
+        return {name: None if word == "null" and known[name].none else word}
     try:
         value = parse(raw)
     except (yaml.YAMLError, ValueError, RecursionError):

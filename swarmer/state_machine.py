@@ -38,6 +38,7 @@ from swarmer.protocol.events import (
     Launch,
     Local,
     Measured,
+    NewShape,
     Received,
 )
 from swarmer.protocol.following import (
@@ -63,6 +64,7 @@ from swarmer.protocol.pairing import (
 )
 from swarmer.protocol.records import BA, BL, A, D, Identity, MachineSettings, ProtocolBug, State, W
 from swarmer.protocol.thawing import (
+    change_shape,
     hear_abort,
     hear_announcement,
     hear_count,
@@ -95,9 +97,10 @@ def _rule(act: Callable[..., None], *leads_to: State) -> Rule:
 TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
     D: {
         Local.LAUNCH: _rule(launch, D),
-        Local.LANDED: _rule(light_up, A),
+        Local.LANDED: _rule(light_up, D, A),
         Local.THAW_DUE: _rule(rearm_thaw, D),
         Local.BATTERY_LOW: _rule(leave, D),
+        Local.NEW_SHAPE: _rule(change_shape, D),
     },
     A: {
         Kind.CHALLENGE_INIT: _rule(accept, A),
@@ -106,9 +109,9 @@ TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
         Kind.CHALLENGE_FIN: _rule(finished_first, A),
         Kind.SET_WAITING: _rule(wait, W),
         Kind.SET_AVAILABLE: _rule(note_size, A),
-        Kind.FOLLOW: _rule(follow, W),
+        Kind.FOLLOW: _rule(follow, W, A),
         Kind.MERGE: _rule(merge, A),
-        Kind.FOLLOW_MERGE: _rule(follow_merge, W),
+        Kind.FOLLOW_MERGE: _rule(follow_merge, W, A),
         Kind.LEASE_RENEW: _rule(refuse, A),
         Kind.LEASE_CANCEL: _rule(forget_accept, A),
         Kind.THAW: _rule(hear_thaw, A),
@@ -121,6 +124,7 @@ TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
         Local.THAW_DUE: _rule(thaw_due, A),
         Local.REPORT_DUE: _rule(report_due, A),
         Local.BATTERY_LOW: _rule(leave, A),
+        Local.NEW_SHAPE: _rule(change_shape, A, W),
     },
     BA: {
         Kind.CHALLENGE_INIT: _rule(accept, BA),
@@ -141,6 +145,7 @@ TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
         Local.THAW_DUE: _rule(thaw_due, A),
         Local.REPORT_DUE: _rule(report_due, BA, A),
         Local.BATTERY_LOW: _rule(leave, BA),
+        Local.NEW_SHAPE: _rule(change_shape, BA, A, W),
     },
     BL: {
         Kind.CHALLENGE_INIT: _rule(answer_neighbour, BL),
@@ -161,6 +166,7 @@ TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
         Local.THAW_DUE: _rule(thaw_due, A, W),
         Local.REPORT_DUE: _rule(report_due, BL, A, W),
         Local.BATTERY_LOW: _rule(leave, BL),
+        Local.NEW_SHAPE: _rule(change_shape, BL, A, W),
     },
     W: {
         Kind.CHALLENGE_INIT: _rule(accept, W),
@@ -169,9 +175,9 @@ TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
         Kind.CHALLENGE_FIN: _rule(finished_first, W),
         Kind.SET_WAITING: _rule(wait, W),
         Kind.SET_AVAILABLE: _rule(resume, W, A),
-        Kind.FOLLOW: _rule(follow, W),
+        Kind.FOLLOW: _rule(follow, W, A),
         Kind.MERGE: _rule(merge, A),
-        Kind.FOLLOW_MERGE: _rule(follow_merge, W),
+        Kind.FOLLOW_MERGE: _rule(follow_merge, W, A),
         Kind.LEASE_RENEW: _rule(refuse, W),
         Kind.THAW: _rule(hear_thaw, W, A),
         Kind.LEAVE: _rule(hear_leave, W),
@@ -181,10 +187,11 @@ TABLE: Mapping[State, Mapping[Kind | Local, Rule]] = {
         Kind.THAW_ABORT: _rule(hear_abort, W),
         Local.CHALLENGE_DUE: _rule(skip_tick, W, A),
         Local.BOUND_OVER: _rule(bound_over, A),
-        Local.LANDED: _rule(follower_landed, A),
+        Local.LANDED: _rule(follower_landed, W, A),
         Local.THAW_DUE: _rule(thaw_due, W, A),
         Local.REPORT_DUE: _rule(report_due, W, A),
         Local.BATTERY_LOW: _rule(leave, W),
+        Local.NEW_SHAPE: _rule(change_shape, A, W),
     },
 }
 
@@ -194,8 +201,8 @@ _BY_NUMBER = [{int(event): rule for event, rule in TABLE[state].items()} for sta
 _RULES = [[rules.get(number) for number in range(KEYS)] for rules in _BY_NUMBER]
 _TIMERS = int(Local.CHALLENGE_DUE)
 _NOT_IN_FLIGHT = SWARM_KINDS | {Kind.CHALLENGE_INIT, Kind.CHALLENGE_ACCEPT, Kind.CHALLENGE_ACK}
-_LAUNCH, _LANDED, _MEASURED, _BATTERY_LOW = map(
-    int, (Local.LAUNCH, Local.LANDED, Local.MEASURED, Local.BATTERY_LOW)
+_LAUNCH, _LANDED, _MEASURED, _BATTERY_LOW, _NEW_SHAPE = map(
+    int, (Local.LAUNCH, Local.LANDED, Local.MEASURED, Local.BATTERY_LOW, Local.NEW_SHAPE)
 )
 
 
@@ -219,7 +226,7 @@ class StateMachine(Memory):
             self._armed &= ~(1 << timer)
             self._apply(_TIMERS + timer, None)
         elif type(event) is Landed:
-            self._land()
+            self._land(event)
         elif type(event) is Measured:
             if self.state is BL and not self.flying:
                 self._apply(_MEASURED, event)
@@ -229,6 +236,8 @@ class StateMachine(Memory):
             self.leaving = True
             if not self.flying:
                 self._apply(_BATTERY_LOW, None)
+        elif type(event) is NewShape:
+            self._apply(_NEW_SHAPE, None)
         return actions
 
     def receive(self, message: Message, now: float, noted: bool = False) -> list[Action]:
@@ -260,9 +269,9 @@ class StateMachine(Memory):
         if message.kind in (CHALLENGE_ACCEPT, CHALLENGE_ACK) and self.awake:
             self.tell(message, LEASE_CANCEL)
 
-    def _land(self) -> None:
+    def _land(self, event: Landed) -> None:
         self.flying = False
-        self._apply(_LANDED, None)
+        self._apply(_LANDED, event)
         pending, self.pending = self.pending, []
         for message in pending:
             if self.flying:  # one of them asked for a flight: the rest waits for its landing

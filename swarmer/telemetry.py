@@ -80,6 +80,11 @@ class Wire(IntEnum):
 KINDS = max(Kind) + 1
 SENT_BY_KIND = len(Count) + len(Wire)
 DELIVERED_BY_KIND = SENT_BY_KIND + KINDS
+# Where it counts what the radio's rules refuse, by the words of `radio.heard`.
+REFUSED = {
+    "run": int(Wire.OTHER_RUN), "sender": int(Wire.BAD), "address": int(Wire.NOT_ADDRESSED),
+    "range": int(Wire.OUT_OF_RANGE), "own": int(Wire.OWN_SWARM),
+}  # fmt: skip
 COUNTERS = DELIVERED_BY_KIND + KINDS
 NETWORK_AT = (
     COUNTERS_AT + 8 * COUNTERS

@@ -68,9 +68,7 @@ class UdpWrapper:
         self.ears, self.wires = ears, wires
         self._directory, self._count = directory, len(directory)
         self._grid, self._ranged = grid, ranged
-        self._near = tuple(near)
-        self._distances = tuple(distances)
-        self._sees_all = len(self._near) >= self._count - 1
+        self._know(near, distances)
         self._everyone = (BROADCAST, wires.port)
         self._filter: Filter | None = None
         self.unicast = open_socket(address_of(ears.fid), wires)
@@ -82,6 +80,15 @@ class UdpWrapper:
         self._directory[self.ears.fid - 1] = 0
         self.unicast.close()
         self.broadcast.close()
+
+    def _know(self, near: Sequence[int], distances: Sequence[float]) -> None:
+        self._near, self._distances = tuple(near), tuple(distances)
+        self._sees_all = len(self._near) >= self._count - 1
+
+    def move(self, ears: Ears, near: Sequence[int], distances: Sequence[float]) -> None:
+        """Send and listen as an FLS that has another point from now on; near, distances: as of that point."""
+        self._know(near, distances)
+        self.tune(ears)
 
     def tune(self, ears: Ears) -> None:
         """Listen as `ears` from now on; the kernel passes only what they may take."""

@@ -102,6 +102,7 @@ def setting_of(option):
     """The setting that an option of `run` stands for: --lambda is lambda_ms, --rounds is rounds.max_rounds."""
     name = option.removeprefix("--").replace("-", "_")
     facts = {fact.name: fact for fact in setting_facts()}
+    name = {"then": "transition.shape", "at": "transition.at"}.get(name, name)
     names = [name, *(f"{name}_{unit}" for unit in UNITS), f"{name}.max_{name}"]
     return next((facts[one] for one in names if one in facts), None)
 

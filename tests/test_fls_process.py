@@ -6,8 +6,9 @@ import socket
 import pytest
 
 from swarmer.config import load_config
-from swarmer.fls import MEASURED, NEVER, FlsSpec
+from swarmer.fls import MEASURED, NEVER
 from swarmer.fls_process import Fls, RunSpec
+from swarmer.fls_spec import FlsSpec
 from swarmer.messages import NO_SWARM, Kind, Message, Stamp, Swarm, To, encode
 from swarmer.plan import make_rules, make_velocity
 from swarmer.protocol.events import Due, Launch, Received, Timer

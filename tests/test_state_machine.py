@@ -264,6 +264,7 @@ NORMATIVE = {  # the spec's table: in which states an event has a rule
     Local.THAW_DUE: {D, A, BA, BL, W},
     Local.REPORT_DUE: {A, BA, BL, W},
     Local.BATTERY_LOW: {D, A, BA, BL, W},
+    Local.NEW_SHAPE: {D, A, BA, BL, W},
 }
 
 

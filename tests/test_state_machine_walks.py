@@ -6,7 +6,7 @@ from random import Random
 import pytest
 from lone import KINDS, NEIGHBOURS, settings
 
-from swarmer.messages import ALL_FLAGS, JOIN, SWARM_KINDS, Kind, Message, Swarm, To
+from swarmer.messages import ABSOLUTE, ALL_FLAGS, JOIN, SWARM_KINDS, Kind, Message, Swarm, To
 from swarmer.protocol.anchor_selection import STRATEGIES
 from swarmer.protocol.census import Census
 from swarmer.protocol.challenge_policy import Decay, RComplete
@@ -24,16 +24,18 @@ from swarmer.protocol.events import (
     Local,
     Measure,
     Measured,
+    NewShape,
     Received,
     Send,
     Timer,
 )  # fmt: skip
+from swarmer.protocol.records import SHAPE_EPOCHS, NextPoint
 from swarmer.protocol.roster import Roster
 from swarmer.protocol.thaw import Timer as ThawTimer
 from swarmer.state_machine import TABLE, Identity, State, StateMachine
 
 D, A, BA, BL, W = State
-WALKS, STEPS = 300, 150
+WALKS, STEPS = 600, 150
 RULES = {
     "default": {},
     "two": {"m": 2, "flight_threshold": 1.0},
@@ -92,15 +94,24 @@ class Walk:
         policy = Decay(1.25) if seed % 3 == 0 else RComplete(8)
         self.m = Watched(
             Identity(5, incarnation, (1.0, 1.0, 1.0)), NEIGHBOURS, settings(**rules), policy,
-            thaws(seed, rules), Random(seed),
+            thaws(seed, rules), Random(seed), then=self.next_point(seed, rules),
+            oracle=seed % 8 == 4,
         )  # fmt: skip
-        self.m.steps = steps
+        self.flags = ABSOLUTE if seed % 4 else ALL_FLAGS + 1  # to some, absolute swarms speak
+        self.m.steps, self.changes = steps, self.m.then is not None
         self.now = 0.0
         self.timers: dict[Timer, float] = {}
         self.launched = self.measuring = self.done = False
         self.ids: list[int] = []
         self.reach: dict[int, float] = {}
         self.trace: list = []
+
+    def next_point(self, seed: int, rules: dict) -> NextPoint | None:
+        """Of a third of the walks with epochs; one in two has no point in the next shape, and leaves."""
+        if seed % 3 or not rules.get("epochs", True):
+            return None
+        truth = None if self.rng.random() < 0.5 else (5.0, 1.0, 1.0)
+        return NextPoint(SHAPE_EPOCHS, truth, (2, 7), 12.0, thaws(seed, rules))
 
     def step(self) -> None:
         event = self.draw()
@@ -123,7 +134,7 @@ class Walk:
             self.launched = True
             return Launch((0.0, 0.0, 0.0))
         if m.flying and rng.random() < self.landings:
-            return Landed()
+            return Landed((0.5, 0.0, 0.0)) if m.oracle and rng.random() < 0.3 else Landed()
         if self.measuring and rng.random() < 0.15:
             self.measuring = False
             far = rng.choice([0.0, 0.5, 3.0])
@@ -132,6 +143,9 @@ class Walk:
             return Measured((origin[0] - 1.0 + far, origin[1] - 1.0, origin[2] - 1.0))
         if rng.random() < (0.02 if m.state is D else 0.004):
             return BatteryLow()
+        often = 0.0 if not self.changes else 0.06 if m.then and m.state in (W, BL) else 0.01
+        if often and rng.random() < often:  # also once it has learned it from a datagram
+            return NewShape()
         return Received(self.message(), noted=rng.random() < 0.05)
 
     def message(self) -> Message:
@@ -171,10 +185,12 @@ class Walk:
         epoch = m.epoch + (
             rng.choice([-1, 1]) if m.settings.epochs and m.epoch and rng.random() < 0.02 else 0
         )
+        if m.then is not None and rng.random() < 0.01:
+            epoch = m.then.epoch + rng.choice([0, 1])
         addressee = Swarm(5, 0) if kind not in SWARM_KINDS else rng.choice([m.swarm, m.swarm, m.swarm, swarm])
         return Message(
             kind, sender, swarm.incarnation, epoch, swarm, rng.randrange(1, 9), (float(sender), 0.0, 0.0),
-            To.SWARM if kind in SWARM_KINDS else To.FLS, addressee, rng.randrange(ALL_FLAGS + 1), challenge,
+            To.SWARM if kind in SWARM_KINDS else To.FLS, addressee, rng.randrange(self.flags), challenge,
             rng.uniform(0, 50), rng.choice([m.swarm, Swarm(rng.randrange(1, 10), 0)]), (1.0, 0.0, 0.0),
         )  # fmt: skip
 

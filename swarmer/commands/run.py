@@ -21,6 +21,7 @@ from swarmer.interrupts import INTERRUPTED, endings_over, endings_wait, ends_at_
 if TYPE_CHECKING:
     from swarmer.config import RunConfig
     from swarmer.engines.result import RunResult
+    from swarmer.next_shape import NextShape
     from swarmer.observe.collector import Collector
     from swarmer.plan import Plan
 
@@ -43,6 +44,8 @@ ANY_WIDTH = 1000  # where there is no terminal, a line stays one
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Set any setting, as radio.loss=0.1; may be repeated.")  # fmt: skip
 @click.option("--dedupe", is_flag=True, help="Drop points that the shape has twice instead of refusing it.")
 @click.option("--out", metavar="DIR", help="The run directory itself. [default: runs/SHAPE-TIME-SEED]")  # fmt: skip
+@click.option("--then", metavar="NAME|FILE", help="The shape that the display becomes, at --at; as --shape.")
+@click.option("--at", metavar="S", help="When it becomes that, emulated seconds from the go signal.")
 @click.option("--live", metavar="[auto|desktop|web|PORT]", is_flag=False, flag_value="auto", help="Show it in rerun's viewer while it runs: the one that is open, else a new window, else a page. Or in the one listed.")  # fmt: skip
 @click.option("--no-recording", is_flag=True, help="Do not write recording.rrd.")
 @click.option("--check", is_flag=True, help="Check the protocol's invariants after every event, and stop at the first that is broken; with --engine virtual.")  # fmt: skip
@@ -64,6 +67,8 @@ def command(
     as_json: bool,
     shape: str | None,
     rounds: str | None,
+    then: str | None,
+    at: str | None,
     **texts: str | None,
 ) -> int:
     """Run a shape, from dead-reckoned chaos to a localized swarm.
@@ -74,7 +79,8 @@ def command(
     # As texts the other options are read like `--set`, which knows what each must be.
     given = [f"{name}={text}" for name, text in texts.items() if text is not None]
     given += [] if rounds is None else [f"rounds.max_rounds={rounds}"]
-    flags: dict[str, Any] = {"shape": shape}
+    given += [] if at is None else [f"transition.at_s={at}"]
+    flags: dict[str, Any] = {"shape": shape, "transition.shape": then}
     if dedupe:
         flags["duplicates"] = "drop"
     if no_recording:
@@ -217,7 +223,7 @@ def tell_plan(plan: Plan) -> None:
     links = "1 link" if n.added_links == 1 else f"{n.added_links} links"
     joined = f", joined by {links}" if n.added_links else ""
     parts = "1 component" if n.components == 1 else f"{n.components} components"
-    head = f"{plan.cloud.name}: {plan.size} points in {plan.rules.dim}D, neighbours"
+    head = f"{plan.cloud.name}: {len(plan.cloud)} points in {plan.rules.dim}D, neighbours"
     line = (
         f"{head} {n.mode} (η {n.eta}): "
         f"{parts}{joined}, longest link {n.longest_link_cells:.1f} cells, mean degree {n.mean_degree:.1f}"
@@ -227,6 +233,8 @@ def tell_plan(plan: Plan) -> None:
     lines = [line]
     if plan.config.eta is not None and 2 * n.eta > plan.size:
         lines.append(f"note: eta: {n.eta} is more than half of the {plan.size} FLSs")
+    if plan.next is not None:
+        lines.append(next_shape_line(plan.next))
     if n.components > 1 and not n.added_links:
         lines.append(
             f"note: no link of the {n.components} components leads to another: each may stay a swarm of its own; "
@@ -235,6 +243,16 @@ def tell_plan(plan: Plan) -> None:
     for one in lines:
         for part in wrapped(one, columns_of(sys.stderr, ANY_WIDTH)):
             click.echo(part, err=True)
+
+
+def next_shape_line(shape: NextShape) -> str:
+    """What the display becomes, and who flies there."""
+    how = "the least that there is" if shape.optimal else "nearly the least"
+    joins = f"{len(shape.joiners)} join" if shape.joiners else f"{len(shape.leavers)} leave"
+    return (
+        f"then {shape.cloud.name} at {shape.at_s:g} s: {len(shape.cloud)} points in {shape.cloud.dim}D, {joins}, "
+        f"the others fly {shape.way_cells:.1f} cells in the mean, {how}"
+    )
 
 
 def tell_changed_shape(plan: Plan, source: str | None) -> None:

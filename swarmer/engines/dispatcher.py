@@ -30,9 +30,10 @@ from swarmer.engines.specs import fls_spec, run_spec
 from swarmer.engines.warm_up import SPECIALISE, TOUCH, warm_up
 from swarmer.errors import PluginFailed
 from swarmer.faults import Turn
-from swarmer.fls import NEVER, FlsSpec
+from swarmer.fls import NEVER
 from swarmer.fls_loops import LOOPS
 from swarmer.fls_process import DEPARTED_EXIT, PLUGIN_EXIT, Fls, RunSpec
+from swarmer.fls_spec import FlsSpec, successor
 from swarmer.radio_faults import part_of
 from swarmer.telemetry import Clock, Life, Phase, SharedMemory, Slot
 
@@ -210,14 +211,16 @@ class Dispatcher:
             self._replace(fid)
 
     def _replace(self, fid: int) -> bool:
-        """Launch the successor of an FLS that has gone dark; False if that cannot be."""
+        """Launch the successor of an FLS that has gone dark, if its point is still there; False if that cannot be."""
         if self.clock.phase != Phase.GO:
             return True
-        old = self.specs[fid]
-        self.specs[fid] = old._replace(incarnation=old.incarnation + 1, launch_at_s=self.clock.now())
-        if not self._launch(self.specs[fid]):
+        spec = successor(self.specs[fid], self.clock.now(), self.run.rules.change_s)
+        if spec is None:
+            return True
+        self.specs[fid] = spec
+        if not self._launch(spec):
             return False
-        self._tell("replaced", fid=fid, incarnation=old.incarnation + 1, t_s=self.clock.now())
+        self._tell("replaced", fid=fid, incarnation=spec.incarnation, t_s=self.clock.now())
         return True
 
     def end(self) -> None:

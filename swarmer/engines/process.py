@@ -23,12 +23,13 @@ from swarmer.engines.limits import check_limits, children_of, private_mb
 from swarmer.engines.localized import LocalizedWatch
 from swarmer.engines.reading import kernel_drops, totals_of
 from swarmer.engines.result import Event, Live, Observer, RunResult, Snapshot
-from swarmer.engines.specs import setup
+from swarmer.engines.specs import setup, why_it_left
 from swarmer.engines.thaws import Sight, ThawsInHindsight, ThawTally, ThawWatch
 from swarmer.errors import BadInput, RunFailed
 from swarmer.interrupts import ENDINGS, heeded
 from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Kind, Message, Stamp, To, encode
 from swarmer.metrics.swarms import swarm_names
+from swarmer.next_shape import standing_at
 from swarmer.physics.flight import Velocity
 from swarmer.protocol.events import Count
 from swarmer.telemetry import Clock, Life, Phase, Reader, Sample, SharedMemory, Wire
@@ -87,7 +88,7 @@ class ProcessEngine:
 class _Run:
     def __init__(self, plan: Plan, observer: Observer, lock: socket.socket) -> None:
         self.plan, self.observer, self.lock = plan, observer, lock
-        self.config, self.count = plan.config, plan.size
+        self.config, self.count, self.standings = plan.config, plan.size, plan.standings()
         self.port = lock.getsockname()[1]
         self.run_id = secrets.randbits(32)
         self.key = secrets.token_bytes(16) if plan.config.radio.mac else b""
@@ -307,7 +308,7 @@ class _Run:
         elif kind == "died":
             text = f"process ended unexpectedly with status {event['code']}"
         else:
-            text = "went dark" if kind == "failed" else "left to charge"
+            text = "went dark" if kind == "failed" else why_it_left(self.plan.rules, fid, t_s)
         self.observer.event(Event(t_s, _EVENT_NAMES[kind], fid, text))
         if kind == "died" and self.events["died"] > max(3, CRASHES_MAX * self.count):
             self._fail(
@@ -401,14 +402,15 @@ class _Run:
     def _watch_thaws(self, sample: Sample) -> None:
         started = int(sample.counters[Count.THAWS_STARTED])
         names = swarm_names(sample.swarm, sample.swarm_incarnation)
-        sight = Sight(sample.t_s, sample.lit, names, sample.epoch, started)
+        there = standing_at(self.standings, sample.t_s).member
+        sight = Sight(sample.t_s, sample.lit[there], names[there], sample.epoch[there], started)
         if order := self.thaws.order(sight):
             self.begun.ordered(sample.t_s, order)
             self._broadcast(Kind.THAW, order.epoch)
             self.observer.event(Event(sample.t_s, "thaw", 0, order.why))
         elif number := self.thaws.begun(sight):
             self.observer.event(Event(sample.t_s, "thaw", 0, f"thaw {number} began"))
-        self.hindsight.look(sample.lit & (sample.life == Life.READY), sample.epoch, sample.thawed)
+        self.hindsight.look(there & sample.lit & (sample.life == Life.READY), sample.epoch, sample.thawed)
 
     # -- results -----------------------------------------------------------------------------------------
 

@@ -40,6 +40,14 @@ class Snapshot(NamedTuple):
         None  # since the sample before; None: nobody was, or the engine does not know
     )
 
+    def of(self, rows: NDArray[np.bool_]) -> Snapshot:
+        """The same moment, of some FLSs alone."""
+        owners = self.swarm_incarnation
+        return self._replace(
+            position=self.position[rows], swarm=self.swarm[rows], state=self.state[rows], lit=self.lit[rows],
+            alive=self.alive[rows], swarm_incarnation=None if owners is None else owners[rows],
+        )  # fmt: skip
+
 
 class Localized(NamedTuple):
     """FLSs that took off to where a localization led them; row by row, cells in the display."""

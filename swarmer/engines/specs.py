@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 from swarmer.faults import from_data as faults_from_data
 from swarmer.faults import to_data
-from swarmer.fls import FlsSpec
 from swarmer.fls_process import RunSpec
+from swarmer.fls_spec import FlsSpec, NextSpec
 from swarmer.plan import as_data, from_data
+from swarmer.protocol.records import SHAPE_EPOCHS
 from swarmer.radio import Grid
 from swarmer.streams import stream
 from swarmer.udp_wrapper import Wires
 
 if TYPE_CHECKING:
-    from swarmer.plan import Plan
+    from swarmer.plan import Plan, Rules
 
 NEAR_MAX = 64  # nearest FLSs an FLS can reach by unicast; more go by broadcast
 
@@ -52,10 +53,11 @@ def fls_rows(plan: Plan) -> list[list[Any]]:
 
     from swarmer.shapes.neighbours import nearest_table
 
-    near, distances = nearest_table(plan.cloud.points, min(NEAR_MAX, plan.size - 1))
+    near, distances = nearest_table(plan.cloud.points, min(NEAR_MAX, len(plan.cloud) - 1))
     stations = np.array(plan.config.deploy.dispatchers)
     starts = _random_starts(plan) if plan.rules.deploy_random else None
     launched = [0] * len(stations)
+    after = next_specs(plan)
     rows = []
     for row, point in enumerate(plan.cloud.points):
         station = int(np.argmin(((stations - point) ** 2).sum(axis=1)))
@@ -72,10 +74,56 @@ def fls_rows(plan: Plan) -> list[list[Any]]:
             launch_at_s=launched[station] / rate if rate else 0.0,
             epoch=0,
             start=None if starts is None else starts[row].tolist(),
+            then=after.get(row + 1),
         )
         launched[station] += 1
         rows.append(list(spec))
-    return rows
+    return rows + [
+        _joiner(plan, fid, after[fid], stations) for fid in (plan.next.joiners if plan.next else ())
+    ]
+
+
+def next_specs(plan: Plan) -> dict[int, NextSpec]:
+    """By FID, what each FLS is in the next shape; empty if there is none."""
+    from swarmer.shapes.neighbours import nearest_table
+
+    shape = plan.next
+    if shape is None:
+        return {}
+    near, distances = nearest_table(shape.cloud.points, min(NEAR_MAX, len(shape.cloud) - 1))
+    fids = shape.fids
+    specs = {fid: NextSpec(SHAPE_EPOCHS, None) for fid in shape.leavers}
+    for row, fid in enumerate(fids.tolist()):
+        neighbours = [int(fids[other - 1]) for other in shape.neighbours.neighbours[row]]
+        specs[fid] = NextSpec(
+            SHAPE_EPOCHS, tuple(shape.cloud.points[row].tolist()), tuple(neighbours),
+            float(shape.neighbours.reach_cells[row]), tuple(fids[near[row] - 1].tolist()),
+            tuple(distances[row].tolist()),
+        )  # fmt: skip
+    return specs
+
+
+def why_it_left(rules: Rules, fid: int, t_s: float) -> str:
+    """Of an FLS that went home, in words."""
+    changed = rules.change_s is not None and t_s >= rules.change_s
+    return (
+        "left: the next shape has no point for it" if changed and fid in rules.leavers else "left to charge"
+    )
+
+
+def _joiner(plan: Plan, fid: int, spec: NextSpec, stations: Any) -> list[Any]:
+    """The row of an FLS that waits at its dispatcher until the next shape begins."""
+    import numpy as np
+
+    assert plan.next is not None
+    assert spec.truth is not None
+    station = int(np.argmin(((stations - spec.truth) ** 2).sum(axis=1)))
+    return list(
+        FlsSpec(
+            fid, 0, spec.truth, spec.neighbours, spec.reach, spec.near, spec.distances,
+            stations[station].tolist(), plan.next.at_s, spec.epoch,
+        )
+    )  # fmt: skip
 
 
 def _random_starts(plan: Plan) -> Any:
@@ -84,7 +132,7 @@ def _random_starts(plan: Plan) -> Any:
 
     low, high = plan.cloud.points.min(axis=0), plan.cloud.points.max(axis=0)
     rng = np.random.default_rng(stream(plan.config.seed, "placement").getrandbits(128))
-    return rng.uniform(low, high, size=(plan.size, 3))
+    return rng.uniform(low, high, size=(len(plan.cloud), 3))
 
 
 def run_spec(data: dict[str, Any]) -> RunSpec:
@@ -105,4 +153,9 @@ def run_spec(data: dict[str, Any]) -> RunSpec:
 
 def fls_spec(row: list[Any]) -> FlsSpec:
     """A row of `fls_rows`."""
-    return FlsSpec._make(tuple(value) if isinstance(value, list) else value for value in row)
+    spec = FlsSpec._make(map(_frozen, row))
+    return spec if spec.then is None else spec._replace(then=NextSpec._make(map(_frozen, spec.then)))
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from swarmer.messages import Swarm
+from swarmer.plan import thaw_h_of
 from swarmer.protocol.events import ThawBegins
+from swarmer.protocol.records import SHAPE_EPOCHS, shape_of
 from swarmer.telemetry import Began
 
 if TYPE_CHECKING:
@@ -97,6 +99,8 @@ class ThawsInHindsight:
         if newest <= self._newest or epoch.min() < newest:
             return
         self._newest = newest
+        if newest % SHAPE_EPOCHS == 0:  # no thaw, the next shape
+            return
         took_part = thawed[thawed["xi"] > 0]  # the others have lit up since
         if not len(took_part):
             return
@@ -122,6 +126,7 @@ class ThawWatch:
         self.central = rules.thaw_policy == "centralized"  # thaws are the engine's to begin
         self._epoch = 0
         self._last_s = 0.0
+        self._shape = self._before = 0  # thaws that were seen in the shapes before the present one
 
     def stop(self) -> None:
         """Begin none any more."""
@@ -134,7 +139,7 @@ class ThawWatch:
         rules = self._rules
         single = bool((sight.swarm == sight.swarm[0]).all())
         since_s = sight.t_s - self._last_s
-        overdue = since_s >= rules.thaw_h_s
+        overdue = since_s >= thaw_h_of(rules, shape_of(int(sight.epoch.max())))
         # The last thaw must have reached everybody, or the same single swarm would thaw twice.
         settled = int(sight.epoch.min()) >= self._epoch if rules.epochs else since_s > rules.lambda_s
         if not (single and settled) and not overdue:
@@ -149,8 +154,15 @@ class ThawWatch:
         """The number of the newest thaw that FLSs began, if that is news."""
         if self.central:
             return None
-        thaws = int(sight.epoch.max()) if self._rules.epochs else sight.started
+        thaws = self._counted(int(sight.epoch.max())) if self._rules.epochs else sight.started
         if thaws <= self.seen:
             return None
         self.seen = thaws
         return thaws
+
+    def _counted(self, epoch: int) -> int:
+        """Thaws of all shapes until an epoch."""
+        shape, thaws = divmod(epoch, SHAPE_EPOCHS)
+        if shape != self._shape:
+            self._shape, self._before = shape, self.seen
+        return self._before + thaws

@@ -22,7 +22,7 @@ from swarmer.engines.fidelity import faithful
 from swarmer.engines.localized import take_localized
 from swarmer.engines.reading import totals_of
 from swarmer.engines.result import Event, Lateness, Live, Observer, RunResult, Snapshot, Witness
-from swarmer.engines.specs import fls_rows, fls_spec
+from swarmer.engines.specs import fls_rows, fls_spec, why_it_left
 from swarmer.engines.stopping import told_to_stop
 from swarmer.engines.thaws import Sight, ThawTally, ThawWatch
 from swarmer.engines.virtual_faults import Weather
@@ -33,9 +33,11 @@ from swarmer.engines.witnesses import witness_of
 from swarmer.errors import RunFailed
 from swarmer.faults import NO_FAULTS, Schedule
 from swarmer.fls import LANDING, NEVER
+from swarmer.fls_spec import successor
 from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Kind, Message, Stamp, To
 from swarmer.metrics.lateness import BUCKETS, bucket, percentiles
 from swarmer.metrics.swarms import swarm_names
+from swarmer.next_shape import standing_at
 from swarmer.protocol.events import Count, ThawBegins
 from swarmer.streams import stream
 from swarmer.telemetry import COUNTERS
@@ -43,7 +45,7 @@ from swarmer.telemetry import COUNTERS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from swarmer.fls import FlsSpec
+    from swarmer.fls_spec import FlsSpec
     from swarmer.plan import Plan
 
 TOLD_EVERY = 500  # FLSs made between two words on how far the launch is
@@ -83,7 +85,9 @@ class _Run:
         virtual = plan.config.virtual
         self.agenda, self.trace = Agenda(), Trace()
         latency_s = (virtual.latency_min_ms / 1e3, virtual.latency_max_ms / 1e3)
-        self.air = Air(self.agenda, latency_s, plan.cloud.points, plan.rules)
+        self.standings = plan.standings()
+        now, *later = (standing.truth for standing in self.standings)
+        self.air = Air(self.agenda, latency_s, now, plan.rules, *later)
         self.shared = Shared(
             plan.config.seed, plan.rules, self.agenda, self.air, self._ended, virtual.handling_ms / 1e3,
             [0] * COUNTERS, [0] * BUCKETS, [0] * BUCKETS, witness_of(witnesses), self._thaw_begins,
@@ -237,18 +241,21 @@ class _Run:
         """An FLS has gone dark: say so, and launch its replacement (rule 13)."""
         self.ends[how] += 1
         now, fid = self.agenda.now, fls.fid
-        kind, text = ("failure", "went dark") if how == FAILED else ("departure", "left to charge")
+        why = why_it_left(self.plan.rules, fid, now)
+        kind, text = ("failure", "went dark") if how == FAILED else ("departure", why)
         self.observer.event(Event(now, kind, fid, text))
         if self.config.failure.replace and not (self.weather is not None and fid in self.weather.dark):
             self.replace(fid)
 
     def replace(self, fid: int) -> None:
         """Launch the successor of an FLS that has gone dark."""
-        now, spec = self.agenda.now, self.flss[fid - 1].spec
-        incarnation = spec.incarnation + 1
-        self.flss[fid - 1] = self._make(spec._replace(incarnation=incarnation, launch_at_s=now))
+        now = self.agenda.now
+        spec = successor(self.flss[fid - 1].spec, now, self.plan.rules.change_s)
+        if spec is None:  # its point is no more
+            return
+        self.flss[fid - 1] = self._make(spec)
         self.ends["replaced"] += 1
-        self.observer.event(Event(now, "replacement", fid, f"incarnation {incarnation} launched"))
+        self.observer.event(Event(now, "replacement", fid, f"incarnation {spec.incarnation} launched"))
 
     # -- looking -------------------------------------------------------------------------------------------------
 
@@ -322,6 +329,8 @@ class _Run:
             return  # no thaw has begun
         self._obeyed = obeyed
         swarm, alive = np.array(self.air.listens, np.int32)[1:], self.air.alive[1:]
+        if self.plan.next is not None:
+            alive = alive & standing_at(self.standings, self.agenda.now).member
         if not alive.any():
             return
         epoch = np.fromiter(map(_epoch, self.flss), np.int64, len(self.flss))

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 from swarmer.engines.fault_events import event_of
 from swarmer.engines.virtual_fls import FAILED, Shared, VirtualFls
 from swarmer.engines.virtual_time import DATAGRAM, FREE, HELD, TURN, Agenda
-from swarmer.fls import FAILURE, NEVER, BaseFls, FlsSpec
+from swarmer.fls import FAILURE, NEVER, BaseFls
 from swarmer.fls_calm import calm_down
+from swarmer.fls_spec import FlsSpec
 from swarmer.messages import Message, Stamp
 from swarmer.streams import stream
 

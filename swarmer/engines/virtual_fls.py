@@ -15,17 +15,18 @@ from swarmer.engines.result import Witness
 from swarmer.engines.virtual_radio import RUN, Air
 from swarmer.engines.virtual_time import FREE, HELD, OUTGOING, Agenda
 from swarmer.faults import NO_FAULTS, Schedule
-from swarmer.fls import DEPARTED, DUE, FAILED, FAILURE, LANDING, NEVER, PRIORITY, REFUSED, BaseFls, FlsSpec
+from swarmer.fls import DEPARTED, DUE, FAILED, FAILURE, LANDING, NEVER, BaseFls
+from swarmer.fls_spec import FlsSpec
 from swarmer.messages import ZERO, Message, Stamp, Swarm
 from swarmer.metrics.lateness import bucket
 from swarmer.physics.flight import Flight
 from swarmer.plan import Rules
 from swarmer.protocol.events import ThawBegins
-from swarmer.protocol.race import JUDGED
+from swarmer.protocol.race import JUDGED, PRIORITY
 from swarmer.protocol.records import Counters
 from swarmer.radio import WINDOW, heard
 from swarmer.state_machine import State
-from swarmer.telemetry import DELIVERED_BY_KIND, Wire
+from swarmer.telemetry import DELIVERED_BY_KIND, REFUSED, Wire
 
 __all__ = ["DEPARTED", "FAILED", "Shared", "VirtualFls"]
 
@@ -206,6 +207,12 @@ class VirtualFls(BaseFls):
         air = self._air
         air.tune(self, old, self.ears.swarm)
         if self.tuned_at != NEVER:
+            self.tuned_at = air.tunings
+
+    def moved_on(self) -> None:
+        air = self._air
+        air.move(self, self.spec)
+        if self.tuned_at != NEVER:  # what is on its way was for it where it was
             self.tuned_at = air.tunings
 
     def moved(self) -> None:

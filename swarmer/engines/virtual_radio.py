@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from swarmer.engines.virtual_fls import VirtualFls
-    from swarmer.fls import FlsSpec
+    from swarmer.fls_spec import FlsSpec
     from swarmer.plan import Rules
 
 RUN = 1  # there is no other run on this air
@@ -45,11 +45,13 @@ class Air:
         latency_s: tuple[float, float],
         points: NDArray[np.float64],
         rules: Rules,
+        next_points: NDArray[np.float64] | None = None,
     ) -> None:
-        """latency_s: shortest, longest. points: (F, 3), cells."""
+        """latency_s: shortest, longest. points: (F, 3), cells. next_points: the same of the shape that comes after."""
         self.agenda = agenda
         self._lowest, self._span = latency_s[0], latency_s[1] - latency_s[0]
         self._points, self._estimated = points, rules.range_estimated
+        self._next_points = next_points
         self._tree: Any = None
         self.count = len(points)
         self.flss: list[VirtualFls | None] = [None] * (self.count + 1)  # by FID, as what follows
@@ -63,6 +65,7 @@ class Air:
         self._listed_by: list[list[int]] = [
             [] for _ in range(self.count + 1)
         ]  # whose planned neighbour it is
+        self._lists: list[tuple[int, ...]] = [()] * (self.count + 1)  # its planned neighbours
         self.on_single: Callable[[], None] | None = None  # told when an FLS has joined or left the only swarm
         self._near: list[Sequence[int]] = [()] * (self.count + 1)
         self._distances: list[Sequence[float]] = [()] * (self.count + 1)
@@ -80,12 +83,25 @@ class Air:
         """A new FLS listens, in the place of its predecessor."""
         self.flss[fls.fid], self.alive[fls.fid] = fls, True
         if not self._distances[fls.fid]:
-            self._near[fls.fid], self._distances[fls.fid] = spec.near, spec.distances
-            for neighbour in spec.neighbours:
-                self._listed_by[neighbour].append(fls.fid)
+            self._place(fls.fid, spec)
         if spec.incarnation:
             self.doubtful[fls.fid] = True
         self.moved(fls)
+
+    def _place(self, fid: int, spec: FlsSpec) -> None:
+        self._near[fid], self._distances[fid] = spec.near, spec.distances
+        self._lists[fid] = spec.neighbours
+        for neighbour in spec.neighbours:
+            self._listed_by[neighbour].append(fid)
+
+    def move(self, fls: VirtualFls, spec: FlsSpec) -> None:
+        """It has another point from now on. Whoever moves first brings the points of all: they move together."""
+        if self._next_points is not None:
+            self._points, self._tree, self._next_points = self._next_points, None, None
+        for neighbour in self._lists[fls.fid]:
+            self._listed_by[neighbour].remove(fls.fid)
+        self._place(fls.fid, spec)
+        self.tunings += 1.0
 
     def hurries(self, fid: int, seconds: float) -> None:
         """This FLS has sent half a WINDOW of datagrams within so many emulated seconds.

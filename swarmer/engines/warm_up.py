@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from swarmer.fls import FlsSpec
 from swarmer.fls_process import RunSpec
+from swarmer.fls_spec import FlsSpec
 from swarmer.messages import Kind, Message, Stamp, Swarm, To, decode, encode
 from swarmer.physics.dead_reckoning import MODELS
 from swarmer.physics.flight import plan_flight, position_at

@@ -27,7 +27,13 @@ def closing_lines(
         f"{_swarms(summary)}"
     )
     lines += _lit(summary)
-    lines += _table(summary, width)
+    in_rounds = summary.get("rounds_to_hd")
+    lines += _table(in_rounds or summary.get("time_to_hd_s") or {}, width, in_rounds=bool(in_rounds))
+    if summary.get("next_time_to_hd_s"):
+        lines.append(
+            f"  then {summary.get('next_shape')}, from {seconds(summary.get('next_at_s'))} on; HD after that"
+        )
+        lines += _table(summary["next_time_to_hd_s"], width)
     lines += _trust(summary)
     return [part for line in lines for part in wrapped(line, width)] + _next(run_dir, program)
 
@@ -54,6 +60,8 @@ def _swarms(summary: dict[str, Any]) -> str:
 def _lit(summary: dict[str, Any]) -> list[str]:
     """How many are lit, where that is not all."""
     share, points = summary.get("lit_share"), summary.get("points")
+    if summary.get("next_time_to_hd_s"):  # it has become the next shape
+        points = summary.get("next_points")
     if share is None or not points or share >= 1:
         return []
     lit = round(share * points)
@@ -61,10 +69,8 @@ def _lit(summary: dict[str, Any]) -> list[str]:
     return [f"  {count(lit)} of {count(points)} FLSs lit at the end: {of_them}"]
 
 
-def _table(summary: dict[str, Any], width: int) -> list[str]:
+def _table(reached: dict[str, Any], width: int, in_rounds: bool = False) -> list[str]:
     """When HD fell below each threshold: a column each, or a line where the columns are too many."""
-    in_rounds = summary.get("rounds_to_hd")
-    reached = in_rounds or summary.get("time_to_hd_s") or {}
     if not reached:
         return []
     when = _round if in_rounds else seconds

@@ -13,10 +13,11 @@ from swarmer.engines.result import Event, RunResult, Snapshot
 from swarmer.errors import RunFailed
 from swarmer.observe.progress import Progress
 from swarmer.observe.run_directory import RECORDING, RunDirectory
-from swarmer.observe.summary import make_summary
+from swarmer.observe.summary import make_summary, transition_facts
 from swarmer.observe.timeline import Frame, TimelineWriter, series_of
 
 if TYPE_CHECKING:
+    from swarmer.next_shape import Standing
     from swarmer.observe.live import LiveViewer
     from swarmer.observe.panel import Panel
     from swarmer.observe.recording import Recording
@@ -37,18 +38,20 @@ class Collector:
         self._timeline: TimelineWriter | None = None
         self._recording: Recording | None = None
         self._was_single = False
+        self._shapes: list[Standing] = []  # to come
 
     def expect(self, plan: Plan) -> None:
         """From here on there is something to sum up, however early the run ends."""
         self._plan = plan
-        self._progress = Progress.of(plan.cloud.points)
+        self._progress = Progress.through(plan.standings(), bool(plan.config.oracle.count))
 
     def planned(self, plan: Plan) -> None:
         """Open everything that grows. Raises RunFailed: nothing has started yet."""
         self.expect(plan)
-        truth = plan.cloud.points
+        standings = plan.standings()
         self.directory.write_config(plan.config, plan.cloud.sha256)
-        self._timeline = TimelineWriter(self.directory.path, truth)
+        self._timeline = TimelineWriter(self.directory.path, standings[0].truth, standings)
+        self._shapes = list(standings[1:])
         if self._panel is not None:
             self._panel.planned(plan)
         self._open_recording(plan)
@@ -99,6 +102,7 @@ class Collector:
         assert self._plan is not None, "planned() comes first"
         assert self._progress is not None
         self._progress.update(snapshot)
+        self._tell_next_shape(snapshot.t_s)
         self._keep(self._record, snapshot)
         self._tell_single_swarm(snapshot.t_s)
         self._tell_of_viewer()
@@ -116,6 +120,19 @@ class Collector:
         self._timeline.flown = snapshot.flown
         if self._recording is not None:
             self._recording.sample(snapshot, self._progress)
+
+    def _tell_next_shape(self, t_s: float) -> None:
+        """The display has become another shape: an event, and the recording shows the points of that one."""
+        assert self._plan is not None
+        while self._shapes and t_s >= self._shapes[0].from_s:
+            standing, shape = self._shapes.pop(0), self._plan.next
+            assert shape is not None
+            moved = f"{len(shape.joiners)} FLSs join, {len(shape.leavers)} leave"
+            self.event(
+                Event(
+                    standing.from_s, "next_shape", 0, f"from now on the shape is {shape.cloud.name}; {moved}"
+                )
+            )
 
     def _tell_single_swarm(self, t_s: float) -> None:
         assert self._progress is not None
@@ -165,8 +182,11 @@ class Collector:
         if self.failure is not None:
             result.status = "failed"
             result.message = str(self.failure)
-        cloud = self._plan.cloud
-        return make_summary(self._progress, result, cloud.name, self._plan.size, self._plan.config.seed)
+        plan = self._plan
+        summary = make_summary(
+            self._progress, result, plan.cloud.name, len(plan.cloud), plan.config.seed, plan.size
+        )
+        return summary | transition_facts(plan)
 
     def _keep(self, action: Callable[..., Any], *args: Any) -> None:
         """Do it; the first RunFailed is kept, and what the disk refuses afterwards is not tried again in a run."""

@@ -5,12 +5,13 @@ HD is that of the lit FLSs and their points (specification, section 1). Which HD
 - There is one while at least two FLSs are lit. Moved to the right centroid, a single light is always perfect.
 - It counts, for the lowest HD, for the times and for `--until-hd`, from the moment when every FLS has been lit once,
   and while at least half of them are lit: what is left of a display that has gone dark is no success.
+- Of a run that changes its shape each shape has times of its own; `--until-hd` asks for the last one.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from swarmer.engines.result import Snapshot
 from swarmer.metrics.hausdorff import HausdorffMeter
 from swarmer.metrics.swarms import SwarmStatistics, swarm_statistics
+from swarmer.next_shape import Standing
 from swarmer.observe.palette import STATES
 
 THRESHOLDS = ("1", "0.1", "0.09", "0.01", "0.001")
@@ -34,16 +36,22 @@ NO_SWARM = SwarmStatistics(0, 0, 0, False)
 class Progress:
     """Taken from sample to sample by `update`."""
 
-    truth: NDArray[np.float64]
+    truth: NDArray[np.float64]  # of who has a point now, cells
     ever_lit: NDArray[np.bool_]
+    member: NDArray[np.bool_] | None = None  # (F,), who that is; None: all
+    later: list[Standing] = field(default_factory=list)  # shapes to come
+    shape_s: float = 0.0  # since when the present shape is the one
     t_s: float = 0.0
     samples: int = 0
-    all_lit_s: float | None = None  # when every FLS had been lit once
+    all_lit_s: float | None = None  # when every FLS of the first shape had been lit once
+    shape_lit_s: float | None = None  # and every FLS of the present one
     hd: float = math.nan  # of the last sample, cells; NaN while fewer than LIT_MIN are lit
     hd_counts: bool = False  # whether that HD counts
     hd_min: float | None = None  # the lowest that counted
     last: tuple[NDArray[np.float64], NDArray[np.bool_]] | None = None  # positions and lit of the last sample
     time_to_hd_s: dict[str, float | None] = field(default_factory=lambda: dict.fromkeys(THRESHOLDS))
+    time_to_hd_absolute_s: dict[str, float | None] | None = None  # without a translation; where oracles are
+    next_time_to_hd_s: dict[str, float | None] | None = None  # of the next shape, from its beginning on
     first_single_swarm_s: float | None = None
     single_swarm_count: int = 0
     swarms: SwarmStatistics = NO_SWARM
@@ -63,15 +71,45 @@ class Progress:
         """Nothing known yet of a swarm for `truth`, (F, 3) cells."""
         return cls(truth, np.zeros(len(truth), dtype=np.bool_))
 
+    @classmethod
+    def through(cls, standings: Sequence[Standing], absolute: bool = False) -> Progress:
+        """Nothing known yet of a swarm that becomes one shape after the other. absolute: it may come to stand where it
+        should, so the HD without any translation has times, too.
+        """
+        progress = cls.of(standings[0].truth)
+        progress._stand(standings[0])
+        progress.later = list(standings[1:])
+        if absolute:
+            progress.time_to_hd_absolute_s = dict.fromkeys(THRESHOLDS)
+        return progress
+
+    def _stand(self, standing: Standing) -> None:
+        self.member = None if standing.member.all() else standing.member
+        self.truth = standing.truth if self.member is None else standing.truth[self.member]
+        self.own_meter = None
+        self.shape_s = standing.from_s
+
+    def _change(self) -> None:
+        self._stand(self.later.pop(0))
+        self.shape_lit_s = None
+        self.next_time_to_hd_s = dict.fromkeys(THRESHOLDS)
+
     def update(self, snapshot: Snapshot) -> None:
         """Take a sample."""
+        while self.later and snapshot.t_s >= self.later[0].from_s:
+            self._change()
         self.samples += 1
         self.t_s = snapshot.t_s
         self.ever_lit |= snapshot.lit
-        if self.all_lit_s is None and self.ever_lit.all():
-            self.all_lit_s = snapshot.t_s
-        self.lit_share = float(snapshot.lit.mean())
         self.states = np.bincount(snapshot.state, minlength=len(STATES))[: len(STATES)]
+        if self.member is not None:
+            snapshot = snapshot.of(self.member)
+        ever_lit = self.ever_lit if self.member is None else self.ever_lit[self.member]
+        if self.shape_lit_s is None and ever_lit.all():
+            self.shape_lit_s = snapshot.t_s
+            if self.next_time_to_hd_s is None:
+                self.all_lit_s = snapshot.t_s
+        self.lit_share = float(snapshot.lit.mean())
         self._update_hd(snapshot)
         self._update_swarms(snapshot)
 
@@ -83,13 +121,20 @@ class Progress:
             has_one = not math.isnan(self.hd)
         else:
             self.hd = self.meter.hd(snapshot.position, snapshot.lit) if has_one else math.nan
-        self.hd_counts = has_one and self.all_lit_s is not None and self.lit_share >= COUNTS_FROM
+        self.hd_counts = has_one and self.shape_lit_s is not None and self.lit_share >= COUNTS_FROM
         if not self.hd_counts:
             return
         self.hd_min = self.hd if self.hd_min is None else min(self.hd_min, self.hd)
-        for name, reached in self.time_to_hd_s.items():
-            if reached is None and self.hd < float(name):
-                self.time_to_hd_s[name] = snapshot.t_s
+        times = self.time_to_hd_s if self.next_time_to_hd_s is None else self.next_time_to_hd_s
+        self._cross(times, self.hd, snapshot.t_s)
+        if self.time_to_hd_absolute_s is not None and self.next_time_to_hd_s is None:
+            self._cross(self.time_to_hd_absolute_s, self.hd_absolute() or math.inf, snapshot.t_s)
+
+    def _cross(self, times: dict[str, float | None], hd: float, t_s: float) -> None:
+        """Which thresholds is HD below for the first time?"""
+        for name, reached in times.items():
+            if reached is None and hd < float(name):
+                times[name] = t_s - self.shape_s
 
     def _update_swarms(self, snapshot: Snapshot) -> None:
         was_single = self.swarms.single
@@ -108,5 +153,5 @@ class Progress:
         return None if self.last is None or math.isnan(self.hd) else self.meter.absolute(*self.last)
 
     def reached(self, hd_cells: float | None) -> bool:
-        """True if HD counts and is below `hd_cells` now."""
-        return hd_cells is not None and self.hd_counts and self.hd < hd_cells
+        """True if HD counts and is below `hd_cells` now, and no other shape is to come."""
+        return hd_cells is not None and not self.later and self.hd_counts and self.hd < hd_cells

@@ -36,7 +36,10 @@ KIND_NUMBERS = {name: number for number, name in KIND_NAMES.items()}
 STATE_NAMES = {state: "".join(part.title() for part in state.name.split("_")) for state in State}
 _OVER = (Timer.BOUND, Timer.LEASE)  # a time that is over; the others are due
 TIMER_NAMES = {timer: f"{timer.name.lower()} {'over' if timer in _OVER else 'due'}" for timer in Timer}
-LOCAL_NAMES = {"Launch": "launch", "Landed": "landed", "Measured": "measured", "BatteryLow": "battery low"}
+LOCAL_NAMES = {
+    "Launch": "launch", "Landed": "landed", "Measured": "measured", "BatteryLow": "battery low",
+    "NewShape": "new shape",
+}  # fmt: skip
 
 
 def swarm_name(swarm: Swarm) -> str:

@@ -50,7 +50,8 @@ class Recording:
         """stream: of recording.rrd, closed by whoever made it. viewer: shown the same, and closed here."""
         import rerun as rr
 
-        config, truth = plan.config, plan.cloud.points
+        config, standings = plan.config, plan.standings()
+        truth = standings[0].truth
         self._truth, self._duration_s = truth, config.duration_s
         rate_hz = (
             1.0 if config.engine == "rounds" else config.recording.rate_hz
@@ -63,7 +64,7 @@ class Recording:
         self._rec.set_sinks(rr.FileSink(self._pump.path))
         self._pump.opened()
         self._rec.send_recording_name(f"{plan.cloud.name}, {config.engine}, seed {config.seed}")
-        self._scene = Scene(self._rec, truth, config)
+        self._scene = Scene(self._rec, standings, config)
         self._narrator = Narrator()
         names = ("hd/log10", "hd_cells", "swarms", "states", "datagrams", "lateness")
         self._curves = {name: Track(name, rr.Scalars.columns) for name in names}

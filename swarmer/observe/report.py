@@ -119,7 +119,8 @@ def derived_summary(run: SavedRun) -> dict[str, Any]:
     timeline = run.timeline
     if timeline is None or not len(timeline.t_s):
         return {}
-    progress = Progress.of(timeline.truth)
+    standings = timeline.standings()
+    progress = Progress.through(standings)
     live, alive = Live(None, None, None, None, None, None), np.ones(len(timeline.truth), dtype=np.bool_)
     for i, t_s in enumerate(timeline.t_s):
         position = timeline.position[i].astype(np.float64)
@@ -135,7 +136,8 @@ def derived_summary(run: SavedRun) -> dict[str, Any]:
         engine, report_words.UNFINISHED, float(timeline.t_s[-1]), float("nan"), counters=counters
     )
     seed = run.config.get("seed", run.manifest.get("seed", 0))
-    return make_summary(progress, result, run.shape, len(timeline.truth), seed)
+    points = int(standings[0].member.sum())
+    return make_summary(progress, result, run.shape, points, seed, len(timeline.truth))
 
 
 def _refuse_foreign(out: Path) -> None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from swarmer.engines.result import Event
 from swarmer.errors import BadInput
+from swarmer.next_shape import Standing, standing_at
 from swarmer.observe import timeline
 from swarmer.observe.files import PARTIAL
 from swarmer.observe.run_directory import (
@@ -38,12 +39,16 @@ BROKEN = (
     OSError, ValueError, KeyError, IndexError, TypeError, EOFError, RuntimeError, RecursionError, NotImplementedError,
     zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, csv.Error, yaml.YAMLError, BadInput,
 )  # fmt: skip
-TABLES = {"time_to_hd_s", "rounds_to_hd", "timer_late_ms", "handled_late_ms"}  # of a summary
+# Tables of a summary.
+TABLES = {
+    "time_to_hd_s", "time_to_hd_absolute_s", "next_time_to_hd_s", "rounds_to_hd", "timer_late_ms", "handled_late_ms",
+}  # fmt: skip
 NUMBERS = {
     "points", "seed", "emulated_s", "wall_s", "hd_cells", "hd_min_cells", "hd_absolute_cells", "first_single_swarm_s",
     "single_swarm_count", "thaws", "distance_cells_mean", "localizing_cells_mean", "following_cells_mean", "time_scale",
     "suggested_time_scale", "invariant_violations", *COUNTERS,
 }  # fmt: skip
+SHAPES = ("truth_at_s", "truths")  # of a timeline
 LARGEST_TEXT = 64 << 20  # bytes of a config, a summary or a manifest
 
 
@@ -60,6 +65,27 @@ class SavedTimeline:
     hd_cells: NDArray[np.float64]  # (T,), NaN while fewer than 2 were lit
     series: dict[str, NDArray[np.float64]] = field(default_factory=dict)  # (T,) each; see timeline.series_of
     flown_cells: NDArray[np.float64] | None = None  # (F, 2): localizing, following; at the end
+    truth_at_s: NDArray[np.float64] | None = (
+        None  # (K,), of a run with several shapes: since when each is the one
+    )
+    truths: NDArray[np.float64] | None = None  # (K, F, 3), NaN for who has no point in that shape
+
+    def standings(self) -> tuple[Standing, ...]:
+        """The shapes of the run, one after the other."""
+        if self.truth_at_s is None or self.truths is None:
+            return (Standing(0.0, self.truth, np.ones(len(self.truth), np.bool_)),)
+        members = ~np.isnan(self.truths[:, :, 0])
+        truths = np.where(members[:, :, None], self.truths, self.truth)
+        return tuple(
+            Standing(float(at_s), truth, member)
+            for at_s, truth, member in zip(self.truth_at_s, truths, members, strict=True)
+        )
+
+    def truth_at(self, t_s: float) -> NDArray[np.float64]:
+        """(G, 3): the points of the shape that was the one at an emulated second, cells."""
+        standing = standing_at(self.standings(), t_s)
+        points: NDArray[np.float64] = standing.truth[standing.member]
+        return points
 
     def swarms(self) -> NDArray[np.int64]:
         """Number of swarms at each sample, (T,)."""
@@ -252,8 +278,9 @@ def _timeline(run: SavedRun) -> SavedTimeline | None:
 def _whole_timeline(path: Path) -> SavedTimeline:
     with np.load(path, allow_pickle=False) as data:
         arrays = {name: data[name] for name in ("truth", *timeline.Frame._fields)}
+        shapes = {name: data[name] for name in SHAPES if name in data}
         flown = data.get("flown_cells")
-        return _checked(SavedTimeline(**arrays, series=_series(data), flown_cells=flown))
+        return _checked(SavedTimeline(**arrays, **shapes, series=_series(data), flown_cells=flown))
 
 
 def _series(data: Any) -> dict[str, NDArray[np.float64]]:
@@ -271,11 +298,11 @@ def _chunked_timeline(run: SavedRun, directory: Path) -> SavedTimeline | None:
     parts: list[SavedTimeline] = []
     try:
         with np.load(directory / "truth.npz", allow_pickle=False) as data:
-            truth = data["truth"]
+            truths = {name: data[name] for name in ("truth", *SHAPES) if name in data}
         for path in sorted(directory.glob("[0-9]*.npz")):
             with np.load(path, allow_pickle=False) as data:
                 frame = {name: data[name] for name in timeline.Frame._fields}
-                parts.append(_checked(SavedTimeline(truth=truth, **frame, series=_series(data))))
+                parts.append(_checked(SavedTimeline(**truths, **frame, series=_series(data))))
     except BROKEN as error:
         run.missing.append(f"{directory.name}: a part cannot be read ({type(error).__name__})")
     if not parts:
@@ -285,7 +312,7 @@ def _chunked_timeline(run: SavedRun, directory: Path) -> SavedTimeline | None:
     }
     names = parts[0].series if all(part.series.keys() == parts[0].series.keys() for part in parts) else ()
     series = {name: np.concatenate([part.series[name] for part in parts]) for name in names}
-    return SavedTimeline(truth=truth, **joined, series=series)
+    return SavedTimeline(**truths, **joined, series=series)
 
 
 def _checked(saved: SavedTimeline) -> SavedTimeline:
@@ -312,6 +339,13 @@ def _checked(saved: SavedTimeline) -> SavedTimeline:
         raise ValueError("its distances do not fit")
     if saved.t_s.ndim != 1 or any(array.shape != shape for array, shape in zip(arrays, shapes, strict=True)):
         raise ValueError("its arrays do not fit each other")
+    if (saved.truth_at_s is None) != (saved.truths is None):
+        raise ValueError("its shapes have no times, or the other way round")
+    if saved.truth_at_s is not None and saved.truths is not None:
+        if saved.truth_at_s.ndim != 1 or saved.truths.shape != (len(saved.truth_at_s), count, 3):
+            raise ValueError("the points of its shapes do not fit")
+        if not len(saved.truth_at_s) or not np.isfinite(saved.truth_at_s).all():
+            raise ValueError("the times of its shapes are not finite")
     if not np.isfinite(saved.t_s).all() or not np.isfinite(saved.position).all():
         raise ValueError("it has values that are not finite")
     return saved

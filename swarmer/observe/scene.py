@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmer.next_shape import standing_at
 from swarmer.observe.palette import STATE_COLOURS, STATES, TRUTH, Palette, rgb
 from swarmer.observe.tracks import Moment, Track
 
 if TYPE_CHECKING:
     from swarmer.config import RunConfig
     from swarmer.engines.result import Localized, Snapshot
+    from swarmer.next_shape import Standing
 
 BLOCK_MIN, BLOCKS_MAX = 128, 16
 ARROW_S = 0.5  # emulated; how long a flight's vector stays
@@ -46,10 +48,11 @@ class Flash:
 class Scene:
     """Takes every sample by `note`, and draws those that it is told to by `draw`."""
 
-    def __init__(self, rec: Any, truth: NDArray[np.float64], config: RunConfig) -> None:
-        """rec: the rerun stream. truth: (F, 3), cells."""
+    def __init__(self, rec: Any, standings: tuple[Standing, ...], config: RunConfig) -> None:
+        """rec: the rerun stream. standings: where everybody belongs, and from when on."""
         import rerun as rr
 
+        truth = standings[0].truth
         count = len(truth)
         self.light = light_radius(truth)
         self._palette = Palette(count)
@@ -61,7 +64,11 @@ class Scene:
         self._anchors = Track("anchors", rr.Boxes3D.columns)
         self._arrows = Track("localizations", rr.Arrows3D.columns)
         self._failures = Track("failures", rr.Points3D.columns)
-        self._truth, self._truth_radii = truth, Track("ground_truth", rr.Points3D.columns)
+        self._standings, self._standing = standings, standings[0]
+        self._truth_radii = Track("ground_truth", rr.Points3D.columns)
+        self._truth_places = Track(
+            "ground_truth", rr.Points3D.columns
+        )  # of a display that becomes another shape
         self._covered: NDArray[np.bool_] | None = None  # the points that an FLS stands before
         self._position: NDArray[np.float32] | None = None  # as drawn last
         self._colour = np.zeros((count, 3), np.uint8)
@@ -80,7 +87,10 @@ class Scene:
 
         light = self.light
         rec.log("/", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
-        rec.log("ground_truth", rr.Points3D(truth, colors=TRUTH), static=True)  # radii come later
+        if len(self._standings) == 1:
+            rec.log("ground_truth", rr.Points3D(truth, colors=TRUTH), static=True)  # radii come later
+        else:
+            rec.log("ground_truth", rr.Points3D.from_fields(colors=TRUTH), static=True)
         for start, name in zip(self._starts.tolist(), names, strict=True):
             fids = np.arange(start, min(start + size, len(truth))) + 1
             rec.log(name, rr.AnyValues(fid=fids), static=True)  # shown when one points at an FLS
@@ -101,7 +111,8 @@ class Scene:
 
     def tracks(self) -> list[Track]:
         """All that have rows to send."""
-        return [self._truth_radii, *self._places, *self._looks, self._anchors, self._arrows, self._failures]
+        truth = self._truth_places, self._truth_radii
+        return [*truth, *self._places, *self._looks, self._anchors, self._arrows, self._failures]
 
     def failed(self, fid: int, t_s: float) -> None:
         """An FLS has failed: it flashes where it was seen last."""
@@ -135,8 +146,12 @@ class Scene:
 
     def _draw_truth(self, at: Moment, snapshot: Snapshot) -> None:
         """Points with their FLS before them are left out: the viewer would draw them on top of it, like pupils."""
-        apart = np.linalg.norm(snapshot.position - self._truth, axis=1)
-        covered = (apart < self.light) & snapshot.lit
+        standing = standing_at(self._standings, snapshot.t_s)
+        if len(self._standings) > 1 and (standing is not self._standing or self._covered is None):
+            self._standing = standing
+            self._truth_places.add(at, positions=standing.truth.astype(np.float32))
+        apart = np.linalg.norm(snapshot.position - standing.truth, axis=1)
+        covered = (apart < self.light) & snapshot.lit | ~standing.member
         if self._covered is None or not np.array_equal(covered, self._covered):
             radii = np.where(covered, 0.0, TRUTH_SIZE * self.light).astype(np.float32)
             self._truth_radii.add(at, radii=radii)

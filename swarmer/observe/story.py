@@ -18,6 +18,7 @@ EVENT_WORDS = {
     "launch": "launched", "landed": "landed", "measured": "measured its anchor", "bound over": "waited long enough",
     "lease over": "a lease ran out", "renew due": "half a lease is over", "thaw due": "its thaw timer is over",
     "battery low": "its battery is low",
+    "new shape": "the next shape begins",
 }  # fmt: skip
 STATE_WIDTH = len("BusyLocalizing -> Available")
 PAIRED = {"BusyAnchor", "BusyLocalizing"}

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from swarmer.engines.result import RunResult
 from swarmer.observe.progress import Progress
+
+if TYPE_CHECKING:
+    from swarmer.plan import Plan
 
 FORMAT = 1
 
@@ -53,9 +56,35 @@ OF_SOME_ENGINES = (
 # What an engine without a clock, which counts rounds instead, does not have.
 OF_A_CLOCK = ("emulated_s", "time_to_hd_s", "all_lit_s", "first_single_swarm_s", "time_scale")
 
+# What only a run with a next shape has; `next_time_to_hd_s` counts from its beginning.
+OF_A_TRANSITION = (
+    "next_shape", "next_points", "next_at_s", "next_time_to_hd_s", "joins", "leaves", "assigned_cells_mean",
+    "assigned_optimally",
+)  # fmt: skip
 
-def make_summary(progress: Progress, result: RunResult, shape: str, points: int, seed: int) -> dict[str, Any]:
+
+def transition_facts(plan: Plan) -> dict[str, Any]:
+    """What the plan knows of the next shape, by name in the summary; empty without one."""
+    shape = plan.next
+    if shape is None:
+        return {}
+    return {
+        "next_shape": shape.cloud.name,
+        "next_points": len(shape.cloud),
+        "next_at_s": shape.at_s,
+        "joins": len(shape.joiners),
+        "leaves": len(shape.leavers),
+        "assigned_cells_mean": shape.way_cells,
+        "assigned_optimally": shape.optimal,
+    }
+
+
+def make_summary(
+    progress: Progress, result: RunResult, shape: str, points: int, seed: int, flss: int | None = None
+) -> dict[str, Any]:
     """Every name of summary.json; no value is NaN or infinite.
+
+    flss: how many FLSs there are in all; None: as many as points.
 
     `hd_cells` and `hd_absolute_cells` are of the last sample, null where fewer than two FLSs were lit in it; which HDs
     count for `hd_min_cells` and `time_to_hd_s` says `progress`. An engine that counts
@@ -83,9 +112,9 @@ def make_summary(progress: Progress, result: RunResult, shape: str, points: int,
         "swarms_last": progress.swarms.number,
         "lit_share": progress.lit_share,
         "thaws": _whole(counters.get("thaws")),
-        "distance_cells_mean": _mean(counters.get("distance_cells"), points),
-        "localizing_cells_mean": _mean(counters.get("localizing_cells"), points),
-        "following_cells_mean": _mean(counters.get("following_cells"), points),
+        "distance_cells_mean": _mean(counters.get("distance_cells"), flss or points),
+        "localizing_cells_mean": _mean(counters.get("localizing_cells"), flss or points),
+        "following_cells_mean": _mean(counters.get("following_cells"), flss or points),
         **{name: _whole(counters.get(name)) for name in COUNTERS},
         "processes": result.processes,
         "memory_mb_per_fls": result.memory_mb_per_fls,
@@ -95,6 +124,11 @@ def make_summary(progress: Progress, result: RunResult, shape: str, points: int,
         "faithful": result.faithful,
         "suggested_time_scale": result.suggested_time_scale,
         **dict.fromkeys(OF_SOME_ENGINES),
+        "time_to_hd_absolute_s": None
+        if progress.time_to_hd_absolute_s is None
+        else dict(progress.time_to_hd_absolute_s),
+        **dict.fromkeys(OF_A_TRANSITION),
+        "next_time_to_hd_s": None if progress.next_time_to_hd_s is None else dict(progress.next_time_to_hd_s),
     }
     if getattr(result, "in_rounds", False):
         summary |= {"rounds_to_hd": _whole_rounds(progress.time_to_hd_s), **dict.fromkeys(OF_A_CLOCK)}

@@ -2,6 +2,10 @@
 
 Samples gather in memory and go to disk in chunks, `timeline.npz.partial/00000.npz` and so on, each whole under its
 name; `close` streams the chunks into one compressed file. A run that is killed leaves its chunks.
+
+`truth` (F, 3) is the first shape's. A run that becomes another shape has `truth_at_s` (K,), since when each of its K
+shapes is the one, and `truths` (K, F, 3), NaN for an FLS that has no point in it; in `truth` such an FLS has the point
+that it gets later.
 """
 
 from __future__ import annotations
@@ -10,7 +14,7 @@ import contextlib
 import math
 import shutil
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
@@ -22,6 +26,7 @@ from swarmer.observe.files import PARTIAL, disk_errors, write_file
 
 if TYPE_CHECKING:
     from swarmer.engines.result import Snapshot
+    from swarmer.next_shape import Standing
 
 NAME = "timeline.npz"
 CHUNK_SAMPLES = 50
@@ -68,11 +73,16 @@ def series_of(snapshot: Snapshot) -> dict[str, float | None]:
 class TimelineWriter:
     """Takes frames, keeps chunks, ends as timeline.npz."""
 
-    def __init__(self, directory: Path, truth: NDArray[np.float64]) -> None:
-        """truth: (F, 3), cells. Raises RunFailed, as all methods do."""
+    def __init__(
+        self, directory: Path, truth: NDArray[np.float64], standings: Sequence[Standing] = ()
+    ) -> None:
+        """truth: (F, 3), cells. standings: the shapes of the run, if there are several. Raises RunFailed, as all
+        methods do.
+        """
         self.path = directory / NAME
         self.partial = directory / (NAME + PARTIAL)
         self._truth = np.asarray(truth, dtype=np.float64)
+        self._standings = standings if len(standings) > 1 else ()
         self._frames: list[Frame] = []
         self._chunks: list[tuple[Path, int]] = []
         self._series_name: tuple[str, ...] = ()
@@ -91,11 +101,18 @@ class TimelineWriter:
         return len(self._frames) + sum(count for _, count in self._chunks)
 
     def _fixed(self) -> dict[str, Any]:
-        return {"fid": np.arange(1, len(self._truth) + 1, dtype=np.int32), "truth": self._truth}
+        fixed = {"fid": np.arange(1, len(self._truth) + 1, dtype=np.int32), "truth": self._truth}
+        if not self._standings:
+            return fixed
+        nowhere = np.full_like(self._truth, np.nan)
+        truths = [np.where(one.member[:, None], one.truth, nowhere) for one in self._standings]
+        return fixed | {
+            "truth_at_s": np.array([one.from_s for one in self._standings]),
+            "truths": np.stack(truths),
+        }
 
     def _write_truth(self, file: BinaryIO) -> None:
-        fid, truth = self._fixed().values()
-        np.savez(file, fid=fid, truth=truth)
+        np.savez(file, allow_pickle=False, **self._fixed())
 
     def append(self, frame: Frame, series: Mapping[str, float | None] | None = None) -> None:
         """Take a frame; its arrays are copied into the types of the file.

@@ -37,6 +37,11 @@ def plan_flight(start: Vec3, displacement: Vec3, begins_s: float, velocity: Velo
     return Flight(start, displacement, begins_s, duration(length, velocity), length)
 
 
+def way(here: Vec3, there: Vec3) -> Vec3:
+    """The vector from one place to another."""
+    return (there[0] - here[0], there[1] - here[1], there[2] - here[2])
+
+
 def peak_speed(length: float, velocity: Velocity) -> float:
     """The highest speed reached on a way of `length` cells."""
     speed, a, b = velocity

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from swarmer.messages import (
+    ABSOLUTE,
     ANCHORING,
     BUSY,
     JOIN,
@@ -31,6 +32,8 @@ def anchors(me: Memory, message: Message, challenged: bool, size: int, flags: in
     the challenger has decided by.
     """
     theirs = message.flags
+    if (theirs ^ flags) & ABSOLUTE:  # rule 14, whatever the Swarm-IDs
+        return bool(flags & ABSOLUTE)
     if (theirs ^ flags) & JOIN:
         return bool(theirs & JOIN)
     if theirs & JOIN:
@@ -113,7 +116,7 @@ def lease_over(me: Memory, _: object) -> None:
 
 def renewed(me: Memory, message: Message) -> None:
     """LEASE_RENEW: granted anew if it ran out, unless this FLS could not anchor the sender now."""
-    if message.sender in me.leases or may_anchor(me, message, False, me.size, me.join_flag() | BUSY):
+    if message.sender in me.leases or may_anchor(me, message, False, me.size, me.own_flags() | BUSY):
         grant(me, message)
     else:
         me.tell(message, LEASE_CANCEL)

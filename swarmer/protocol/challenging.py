@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from swarmer.messages import Swarm
-from swarmer.protocol.events import CHALLENGE_TIMER, Launch
+from swarmer.protocol.events import CHALLENGE_TIMER, Landed, Launch
 from swarmer.protocol.memory import Memory
 from swarmer.protocol.records import W
 
@@ -15,8 +15,10 @@ def launch(me: Memory, event: Launch) -> None:
     me.fly((g[0] - o[0], g[1] - o[1], g[2] - o[2]))
 
 
-def light_up(me: Memory, _: object) -> None:
+def light_up(me: Memory, event: Landed) -> None:
     """Landed: lit, a swarm of its own."""
+    if me.flies_on(event.offset):
+        return
     me.swarm, me.size = Swarm(me.fid, me.incarnation), 1
     me.become_available()
     me.start_timers()

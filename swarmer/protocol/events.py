@@ -8,7 +8,7 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import NamedTuple
 
-from swarmer.messages import Message, Swarm, Vec3
+from swarmer.messages import ZERO, Message, Swarm, Vec3
 
 
 class Timer(IntEnum):
@@ -39,9 +39,10 @@ class Local(IntEnum):
     LANDED = 39
     MEASURED = 40
     BATTERY_LOW = 41
+    NEW_SHAPE = 42
 
 
-KEYS = 42  # one more than the largest key
+KEYS = 43  # one more than the largest key
 
 
 class Received(NamedTuple):
@@ -64,7 +65,9 @@ class Launch(NamedTuple):
 
 
 class Landed(NamedTuple):
-    """The flight that `Fly` asked for has ended."""
+    """The flight that `Fly` asked for has ended. To an oracle alone the engine tells how far it is from its point."""
+
+    offset: Vec3 = ZERO  # from where it is to its point
 
 
 class Measured(NamedTuple):
@@ -77,7 +80,11 @@ class BatteryLow(NamedTuple):
     """The FLS must go and charge (rule 13)."""
 
 
-Event = Received | Due | Launch | Landed | Measured | BatteryLow
+class NewShape(NamedTuple):
+    """The moment has come when the display becomes the next shape (rule 15)."""
+
+
+Event = Received | Due | Launch | Landed | Measured | BatteryLow | NewShape
 
 
 class Send(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from swarmer.messages import ANCHORING, Message
-from swarmer.protocol.events import BOUND_TIMER
+from swarmer.protocol.events import BOUND_TIMER, Landed
 from swarmer.protocol.memory import Memory
 from swarmer.protocol.records import W
 
@@ -30,7 +30,12 @@ def note_size(me: Memory, message: Message) -> None:
 
 
 def follow(me: Memory, message: Message) -> None:
+    """Fly V; an oracle knows better (rule 14)."""
     me.close_challenge()
+    if me.oracle:
+        if me.state is W:
+            me.become_available()
+        return
     me.state = W
     me.fly(message.vector)
 
@@ -38,7 +43,7 @@ def follow(me: Memory, message: Message) -> None:
 def merge(me: Memory, message: Message) -> None:
     """MERGE: another swarm from now on, without a flight; an anchor keeps its leases."""
     old = me.swarm
-    me.take_swarm(message.other, message.size)
+    me.take_swarm(message.other, message.size, message.flags)
     if me.state is W:
         me.become_available()
     me.thaw_policy.joined(me, old)
@@ -46,13 +51,14 @@ def merge(me: Memory, message: Message) -> None:
 
 def follow_merge(me: Memory, message: Message) -> None:
     old = me.swarm
-    me.take_swarm(message.other, message.size)
+    me.take_swarm(message.other, message.size, message.flags)
     follow(me, message)
     me.thaw_policy.joined(me, old)
 
 
-def follower_landed(me: Memory, _: object) -> None:
-    me.become_available()
+def follower_landed(me: Memory, event: Landed) -> None:
+    if not me.flies_on(event.offset):
+        me.become_available()
 
 
 def bound_over(me: Memory, _: object) -> None:

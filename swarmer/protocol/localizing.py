@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from swarmer.messages import (
+    ABSOLUTE,
     CHALLENGE_FIN,
     FOLLOW_MERGE,
     LEASE_RENEW,
@@ -38,14 +39,16 @@ def localize(me: Memory, event: Measured) -> None:
     vector = localizer.displacement(event.vector, wanted)
     me.counts[LOCALIZATIONS] += 1
     old, me.brought = me.swarm, me.size
-    me.take_swarm(anchor.swarm, sum_of_sizes(me.size, anchor.size))
+    stays = me.absolute  # both swarms stand where they should (rule 14)
+    me.take_swarm(anchor.swarm, sum_of_sizes(me.size, anchor.size), anchor.flags)
+    flags = anchor.flags & ABSOLUTE
     length2 = vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2
-    if length2 >= me.settings.flight_threshold**2:
-        me.say(FOLLOW_MERGE, TO_SWARM, old, other=me.swarm, vector=vector)
+    if length2 >= me.settings.flight_threshold**2 and not stays:
+        me.say(FOLLOW_MERGE, TO_SWARM, old, flags, other=me.swarm, vector=vector)
         by_legs = getattr(localizer, "legs", None)  # only the localizer itself goes that way
         me.fly(vector, () if by_legs is None else by_legs(event.vector, wanted))
     else:
-        me.say(MERGE, TO_SWARM, old, other=me.swarm)
+        me.say(MERGE, TO_SWARM, old, flags, other=me.swarm)
         finish(me, None)
     me.thaw_policy.joined(me, old)
 

@@ -11,6 +11,7 @@ from random import Random
 from typing import TYPE_CHECKING
 
 from swarmer.messages import (
+    ABSOLUTE,
     CHALLENGE_INIT,
     JOIN,
     NO_SWARM,
@@ -39,7 +40,18 @@ from swarmer.protocol.events import (
     Timer,
 )
 from swarmer.protocol.leases import Leases
-from swarmer.protocol.records import BA, A, Accept, Counters, D, Identity, MachineSettings, View, W
+from swarmer.protocol.records import (
+    BA,
+    A,
+    Accept,
+    Counters,
+    D,
+    Identity,
+    MachineSettings,
+    NextPoint,
+    View,
+    W,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from swarmer.protocol.thaw import ThawPolicy
@@ -47,6 +59,7 @@ if TYPE_CHECKING:
 _new = tuple.__new__  # a named tuple's own costs twice the time, and these are made all the time
 _DISARM = tuple(map(Disarm, Timer))
 _ON_OTHERS = 1 << BOUND_TIMER | 1 << LEASE_TIMER | 1 << RENEW_TIMER  # timers of who waits for other FLSs
+EXACT = 1e-9  # cells: no flight of an oracle is shorter
 UINT32_MAX = 0xFFFFFFFF  # what a datagram has room for
 
 
@@ -67,6 +80,7 @@ class Memory:
     __slots__ = (
         "_armed",
         "_last_challenge",
+        "absolute",
         "accepts",
         "actions",
         "anchor",
@@ -88,6 +102,8 @@ class Memory:
         "longest",
         "merged",
         "now",
+        "onward",
+        "oracle",
         "pending",
         "policy",
         "reach",
@@ -99,6 +115,7 @@ class Memory:
         "swarm",
         "thaw_policy",
         "thawed_s",
+        "then",
         "tick_s",
         "truth",
     )
@@ -113,8 +130,13 @@ class Memory:
         rng: Random,
         counts: Counters | None = None,
         epoch: int = 0,
+        then: NextPoint | None = None,
+        oracle: bool = False,
     ) -> None:
-        """`neighbours`: the planned ones. `counts`: one place per Count, kept elsewhere if the engine likes."""
+        """`neighbours`: the planned ones. `counts`: one place per Count, kept elsewhere if the engine likes.
+
+        `then`: what it is to be in the next shape; None: there is none to come. `oracle`: it knows where it is.
+        """
         self.fid, self.incarnation, self.truth = identity
         self.settings = settings
         self.policy, self.thaw_policy, self.rng = challenge_policy, thaw_policy, rng
@@ -144,6 +166,11 @@ class Memory:
         self.longest = 0.0  # the longest V that it was told to fly in this epoch, cells
         self._armed = 0  # one bit for each Timer
         self.leaving = self.departed = False
+        self.then = then
+        self.oracle = self.absolute = (
+            oracle  # absolute: its swarm has an oracle, or has localized against such a one
+        )
+        self.onward: Vec3 | None = None  # where it flies once it has landed: its point moved while it flew
         self.now = 0.0
         self.actions: list[Action] = []
 
@@ -165,7 +192,8 @@ class Memory:
     @property
     def joins(self) -> bool:
         """A newcomer that has not merged since its landing (rule 10)."""
-        return self.incarnation > 0 and not self.merged and self.settings.busy_join == "newcomer"
+        newcomer = self.incarnation > 0 and not self.merged and not self.oracle
+        return newcomer and self.settings.busy_join == "newcomer"
 
     @property
     def complete(self) -> bool:
@@ -238,8 +266,21 @@ class Memory:
         self.longest = max(self.longest, hypot(*vector))
         self.actions.append(Fly(vector, legs))
 
-    def take_swarm(self, swarm: Swarm, size: int) -> None:
-        self.swarm, self.size = swarm, size
+    def flies_on(self, offset: Vec3) -> bool:
+        """Just landed: is there a way still to fly? To a point that it was given meanwhile; or, for an oracle, the rest
+        of the way to its own: offset (rule 14).
+        """
+        onward, self.onward = self.onward, None
+        if self.oracle and hypot(*offset) >= max(self.settings.flight_threshold, EXACT):
+            onward = offset
+        if onward is None:
+            return False
+        self.fly(onward)
+        return True
+
+    def take_swarm(self, swarm: Swarm, size: int, flags: int) -> None:
+        """flags: of the message that says so."""
+        self.swarm, self.size, self.absolute = swarm, size, bool(flags & ABSOLUTE)
         self.merged = True
         self.policy.merged()
 
@@ -262,11 +303,12 @@ class Memory:
             self.reach = min(self.reach + s.range_step, s.range_max)
         self.challenge = self._last_challenge = self._last_challenge % UINT32_MAX + 1
         self.challenge_open, self.challenge_taken = True, False
-        self.say(CHALLENGE_INIT, TO_ALL, flags=self.join_flag(), challenge=self.challenge, reach=self.reach)
+        self.say(CHALLENGE_INIT, TO_ALL, flags=self.own_flags(), challenge=self.challenge, reach=self.reach)
 
     def close_challenge(self) -> None:
         """No acceptance of it pairs any more."""
         self.challenge, self.challenge_open = 0, False
 
-    def join_flag(self) -> int:
-        return JOIN if self.joins else 0
+    def own_flags(self) -> int:
+        """What a pairing must know of this FLS."""
+        return (JOIN if self.joins else 0) | (ABSOLUTE if self.absolute else 0)

@@ -14,7 +14,7 @@ def accept(me: Memory, message: Message) -> None:
     if message.swarm == me.swarm:
         answer_neighbour(me, message)
         return
-    flags = me.join_flag()
+    flags = me.own_flags()
     if me.state is not A:
         flags |= BUSY
         if not (me.anchoring and may_anchor(me, message, False, me.size, flags)):
@@ -38,8 +38,8 @@ def take_acceptance(me: Memory, message: Message) -> None:
         me.tell(message, LEASE_CANCEL)
         return
     me.challenge_open, me.challenge_taken = False, True
-    me.tell(message, CHALLENGE_ACK, me.join_flag(), other=message.swarm)
-    if anchors(me, message, True, me.size, me.join_flag()):
+    me.tell(message, CHALLENGE_ACK, me.own_flags(), other=message.swarm)
+    if anchors(me, message, True, me.size, me.own_flags()):
         become_anchor(me, message)
     else:
         become_localizer(me, message)
@@ -52,9 +52,9 @@ def take_more(me: Memory, message: Message) -> None:
     the CANCEL is of this challenge, not of that pairing.
     """
     same = 0 != me.challenge == message.challenge and message.swarm != me.swarm
-    if same and message.sender not in me.leases and may_anchor(me, message, True, me.size, me.join_flag()):
+    if same and message.sender not in me.leases and may_anchor(me, message, True, me.size, me.own_flags()):
         me.challenge_open, me.challenge_taken = False, True
-        me.tell(message, CHALLENGE_ACK, me.join_flag(), other=message.swarm)
+        me.tell(message, CHALLENGE_ACK, me.own_flags(), other=message.swarm)
         become_anchor(me, message)
     else:
         me.tell(message, LEASE_CANCEL)

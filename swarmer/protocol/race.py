@@ -17,6 +17,7 @@ from swarmer.messages import (
     NO_SWARM,
     TO_FLS,
     ZERO,
+    Kind,
     Message,
     Swarm,
     Vec3,
@@ -70,6 +71,16 @@ CANCEL = Verdict(LEASE_CANCEL, False, False, "answered")
 JUDGED = frozenset(
     (CHALLENGE_INIT, CHALLENGE_ACK)
 )  # the only kinds of which `judge` may say anything but QUEUE
+
+
+# In which order the handler takes up what is queued. Lower goes first: control and thaw, then what a whole swarm waits
+# for, then the rest.
+_FIRST = {Kind.THAW, Kind.THAW_ANNOUNCE, Kind.THAW_ABORT}
+_SECOND = {
+    Kind.SET_WAITING, Kind.SET_AVAILABLE, Kind.FOLLOW, Kind.MERGE, Kind.FOLLOW_MERGE, Kind.CHALLENGE_FIN, Kind.COUNT,
+    Kind.ROLL_CALL,
+}  # fmt: skip
+PRIORITY = tuple(0 if n in _FIRST else 1 if n in _SECOND else 2 for n in range(max(Kind) + 1))
 
 
 def judge(message: Message, state: Published, neighbours: frozenset[int], neighbour_reply: bool) -> Verdict:

@@ -10,6 +10,16 @@ from swarmer.protocol.anchor_selection import AnchorSelection
 
 if TYPE_CHECKING:
     from swarmer.plugins import Localizer
+    from swarmer.protocol.thaw import ThawPolicy
+
+SHAPE_EPOCHS = (
+    1 << 24
+)  # the epochs of a run's n-th shape, from 0, begin at n times this: they outlive all before
+
+
+def shape_of(epoch: int) -> int:
+    """Which of a run's shapes an epoch belongs to, from 0."""
+    return epoch // SHAPE_EPOCHS
 
 
 class State(IntEnum):
@@ -31,6 +41,16 @@ class Identity(NamedTuple):
     fid: int
     incarnation: int
     truth: Vec3
+
+
+class NextPoint(NamedTuple):
+    """What an FLS is in the shape that comes after (rule 15)."""
+
+    epoch: int  # the first of that shape
+    truth: Vec3 | None  # None: it has no point there, and leaves
+    neighbours: tuple[int, ...]
+    range_start: float
+    thaw_policy: ThawPolicy
 
 
 class MachineSettings(NamedTuple):

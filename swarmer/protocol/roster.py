@@ -29,12 +29,34 @@ ASKS_LEAST, ASKS_SHARE = 32, 8  # FLSs asked in a round: so many, or one in so m
 class Roster(Timer):
     """Reports on joining; thaws when all F have reported, unless the formation corrected nothing worth another one."""
 
-    __slots__ = ("_before", "_began_s", "_count", "_early", "_falls", "_inherits", "_rest", "_roll", "_soon")
+    __slots__ = (
+        "_before",
+        "_began_s",
+        "_count",
+        "_early",
+        "_falls",
+        "_gone",
+        "_inherits",
+        "_rest",
+        "_roll",
+        "_soon",
+    )
 
-    def __init__(self, count: int, h_s: float, spread: float, rest_below: float, falls: bool) -> None:
-        """count: F. rest_below: cells. falls: Swarm-IDs only fall, but for newcomers'."""
+    def __init__(
+        self,
+        count: int,
+        h_s: float,
+        spread: float,
+        rest_below: float,
+        falls: bool,
+        gone: tuple[int, ...] = (),
+    ) -> None:
+        """count: F. rest_below: cells. falls: Swarm-IDs only fall, but for newcomers'. gone: FIDs that are
+        none of these F.
+        """
         super().__init__(FALLBACK * h_s, spread)
         self._count, self._rest, self._falls = count, rest_below, falls
+        self._gone = gone
         self._soon = Timer(h_s, spread)
         self._roll = Roll()
         self._began_s = 0.0
@@ -79,7 +101,8 @@ class Roster(Timer):
         """Ask some of those who are missing."""
         if not owns(me) or not (self._most() or self._inherits) or len(self._roll) >= self._count:
             return False
-        missing = [fid for fid in range(1, self._count + 1) if fid not in self._roll]
+        last, gone = self._count + len(self._gone), frozenset(self._gone)
+        missing = [fid for fid in range(1, last + 1) if fid not in self._roll and fid not in gone]
         most = max(ASKS_LEAST, self._count // ASKS_SHARE)
         for fid in missing if len(missing) <= most else me.rng.sample(missing, most):
             me.say(ROLL_CALL, TO_FLS, Swarm(fid, 0))

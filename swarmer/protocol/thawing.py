@@ -1,4 +1,4 @@
-"""Rules of beginning anew and of leaving: thaws, epochs, batteries (rules 11, 12 and 13)."""
+"""Rules of beginning anew and of leaving: thaws, epochs, batteries, the next shape (rules 11, 12, 13 and 15)."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from swarmer.messages import (
     Message,
     Swarm,
 )
+from swarmer.protocol.beliefs import Beliefs
 from swarmer.protocol.events import (
     BOUND_TIMER,
     LEASE_TIMER,
@@ -38,7 +39,7 @@ def obey_thaw(me: Memory, epoch: int, tell: bool = False) -> None:
         return
     me.counts[THAWS_OBEYED] += 1
     me.thawed_s = me.now
-    me.swarm, me.size = Swarm(me.fid, me.incarnation), 1
+    me.swarm, me.size, me.absolute = Swarm(me.fid, me.incarnation), 1, me.oracle
     me.reach, me.challenge_taken = me.settings.range_start, True
     me.close_challenge()
     me.anchor = None
@@ -58,8 +59,11 @@ def obey_thaw(me: Memory, epoch: int, tell: bool = False) -> None:
 def meet_epoch(me: Memory, message: Message) -> bool:
     """Rule 12: a newer epoch is obeyed first, an older one is told. Handle the message then?"""
     if message.epoch > me.epoch:
-        obey_thaw(me, message.epoch)
-        return message.kind != THAW
+        if me.then is not None and message.epoch >= me.then.epoch:
+            change_shape(me, None)
+        if message.epoch > me.epoch and not me.departed:
+            obey_thaw(me, message.epoch)
+        return message.kind != THAW and not me.departed
     me.counts[STALE] += 1
     if message.kind in (THAW_ANNOUNCE, THAW_ABORT):
         return False  # late copies of what has begun this epoch: all would answer their senders at once
@@ -68,6 +72,34 @@ def meet_epoch(me: Memory, message: Message) -> bool:
         me.reminded[message.sender] = me.now
         me.tell(message, THAW)
     return False
+
+
+def change_shape(me: Memory, _: object) -> None:
+    """Rule 15: from now on this FLS belongs to the next shape. It flies to its point there, or has none and leaves.
+
+    It begins a new epoch, above all those of the old shape: whatever is still said in one of them is out of date, and
+    whoever is late with this learns it from the first datagram of the new shape. It stays lit on the way.
+    """
+    then, me.then = me.then, None
+    if then is None:  # it has learned it from a datagram already
+        return
+    me.thaw_policy = then.thaw_policy
+    if then.truth is None:
+        obey_thaw(me, then.epoch)
+        me.leaving = True
+        if not me.flying:
+            leave(me, None)
+        return
+    g, h = me.truth, then.truth
+    way = (h[0] - g[0], h[1] - g[1], h[2] - g[2])
+    me.truth, me.beliefs = h, Beliefs(then.neighbours)
+    me.settings = me.settings._replace(range_start=then.range_start)
+    me.reach = then.range_start
+    if me.flying:
+        me.onward = way
+    elif me.state is not D:  # else it has not been launched yet, and will fly there at once
+        me.fly(way)
+    obey_thaw(me, then.epoch)
 
 
 def begin_thaw(me: Memory, known: bool, tell: bool = True) -> None:

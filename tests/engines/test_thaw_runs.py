@@ -12,7 +12,8 @@ from swarmer.engines.result import Witness
 from swarmer.engines.virtual import VirtualEngine
 from swarmer.fls import FAILURE
 from swarmer.messages import Kind, Swarm
-from swarmer.plan import corners, make_plan
+from swarmer.next_shape import corners
+from swarmer.plan import make_plan
 from swarmer.protocol.events import ThawBegins
 from swarmer.shapes.catalogue import load_shape
 

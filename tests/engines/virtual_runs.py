@@ -22,7 +22,7 @@ class Watcher:
 
     def planned(self, plan: Plan) -> None:
         self.calls.append("planned")
-        self.plan, self.progress = plan, Progress.of(plan.cloud.points)
+        self.plan, self.progress = plan, Progress.through(plan.standings(), plan.config.oracle.count > 0)
 
     def launching(self, ready: int, total: int) -> None:
         self.calls.append("launching")

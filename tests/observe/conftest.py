@@ -12,6 +12,7 @@ import pytest
 
 from swarmer.config import RunConfig
 from swarmer.engines.result import Event, Lateness, Live, RunResult, Snapshot
+from swarmer.next_shape import Standing
 from swarmer.observe.collector import Collector
 from swarmer.observe.run_directory import RunDirectory
 from swarmer.shapes.cloud import PointCloud, make_cloud
@@ -29,7 +30,11 @@ def ball(count: int, seed: int = 0) -> PointCloud:
 
 def fake_plan(cloud: PointCloud | None = None, **settings: Any) -> Any:
     cloud = ball(40) if cloud is None else cloud
-    return SimpleNamespace(config=RunConfig(**settings), cloud=cloud, neighbours=None, size=len(cloud))
+    standings = (Standing(0.0, cloud.points, np.ones(len(cloud), bool)),)
+    return SimpleNamespace(
+        config=RunConfig(**settings), cloud=cloud, neighbours=None, size=len(cloud), next=None,
+        standings=lambda: standings,
+    )  # fmt: skip
 
 
 class FakeSwarm:

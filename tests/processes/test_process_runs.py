@@ -261,3 +261,24 @@ def test_the_other_rules_in_processes(tmp_path):
     assert summary["lit_share"] == 1
     assert summary["all_lit_s"] < 1
     assert summary["distance_cells_mean"] > 5
+
+
+def test_a_swarm_becomes_the_next_shape(tmp_path):
+    """12 processes, 16 from second 4 on; and the other way round with a thaw policy that counts."""
+    summary = small(
+        tmp_path, "--then", "cube", "--at", "4", "--set", "transition.points=16", points=12, duration=9
+    )
+    assert (summary["points"], summary["next_points"], summary["joins"]) == (12, 16, 4)
+    assert summary["lit_share"] == 1
+    assert summary["next_time_to_hd_s"]["1"] is not None
+    with np.load(summary["dir"] / "timeline.npz") as timeline:
+        before = timeline["lit"][timeline["t_s"] < 4]
+        assert not before[:, 12:].any(), "who joins waits in the dark"
+        error = np.linalg.norm(timeline["position"][-1] - timeline["truths"][1], axis=1)
+    assert error.max() < 3
+
+
+def test_an_oracle_makes_the_display_stand_where_it_should(tmp_path):
+    summary = small(tmp_path, "--set", "oracle.count=2", points=12, duration=6)
+    assert summary["hd_absolute_cells"] < 0.2
+    assert summary["time_to_hd_absolute_s"]["1"] is not None

@@ -70,7 +70,23 @@ def draw(seed: int) -> World:
         settings |= draw_radio(rng, settings["lease_ms"])
         settings |= draw_failures(rng)
         faults = draw_faults(rng, settings["points"], settings["lambda_ms"] / 1e3, calm_s)
+    settings |= draw_oracles(Random(f"soak oracle {seed}"), settings["points"])
+    settings |= draw_transition(Random(f"soak shape {seed}"), settings, calm_s)
     return World(seed, settings, Schedule(tuple(faults), calm_s))
+
+
+def draw_oracles(rng: Random, points: int) -> dict[str, Any]:
+    """In some of the worlds a few FLSs know where they are."""
+    return {"oracle.count": min(points, rng.choice([1, 1, 2, 3]))} if rng.random() < 0.2 else {}
+
+
+def draw_transition(rng: Random, settings: dict[str, Any], calm_s: float) -> dict[str, Any]:
+    """In some of the worlds with epochs the display becomes another shape before the calm, of any count near."""
+    if rng.random() > 0.2 or not settings["epochs"]:
+        return {}
+    points = max(2, round(settings["points"] * rng.uniform(0.6, 1.6)))
+    at_s = rng.uniform(0.1, calm_s)
+    return {"transition.shape": "cube", "transition.points": points, "transition.at_s": at_s}
 
 
 def draw_settings(rng: Random, seed: int) -> dict[str, Any]:

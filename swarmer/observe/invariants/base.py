@@ -49,8 +49,8 @@ class Life:
     __slots__ = (
         "acks", "alive", "anchor", "challenge_at", "complete_ticks", "epoch", "fid", "first_challenge", "flight_s",
         "flights", "fls", "flying", "grants", "incarnation", "joined", "joins", "leases", "localizes_since",
-        "machine", "newest", "number", "origin", "pending", "place", "reach", "recent", "reporters", "state",
-        "swarm", "taken", "thawed_s", "thaws_at", "thaws_heard", "thaws_run", "waits_since",
+        "machine", "newest", "number", "onward", "origin", "pending", "place", "reach", "recent", "reporters", "state",
+        "swarm", "taken", "thawed_s", "thaws_at", "thaws_heard", "thaws_run", "truth", "waits_since",
     )  # fmt: skip
 
     def __init__(self, fls: Seen, now_s: float) -> None:
@@ -60,6 +60,7 @@ class Life:
         # The machine before the present event.
         self.state, self.epoch, self.swarm, self.flying = m.state, m.epoch, m.swarm, m.flying
         self.reach, self.joins, self.anchor = m.reach, m.joins, m.anchor
+        self.truth, self.onward = m.truth, m.onward
         self.leases: dict[int, float] = NO_LEASES
         self.pending: tuple[Message, ...] = ()
         # What only a longer memory knows.
@@ -96,6 +97,7 @@ class Life:
         m = self.machine
         self.state, self.epoch, self.swarm, self.flying = m.state, m.epoch, m.swarm, m.flying
         self.reach, self.anchor = m.reach, m.anchor
+        self.truth, self.onward = m.truth, m.onward
         self.joins = self.incarnation > 0 and m.joins
         self.leases = m.leases.ends() if anchors else NO_LEASES
         self.pending = tuple(m.pending) if m.pending else ()
@@ -139,10 +141,15 @@ class Facts:
         """The most that what is due may be late at an FLS now, if nothing else than faults and THAWs delays it."""
         return self.tau[life.fid] + self.handling_s * (2 + life.thaws_run) + TINY
 
+    def lights(self, now_s: float) -> int:
+        """Points of the shape of that moment."""
+        change_s = self.rules.change_s
+        return self.rules.counts[0 if change_s is None or now_s < change_s else 1]
+
     @property
     def ids_decide(self) -> bool:
         """Of two Swarm-IDs the lower one always anchors."""
-        return self.rules.anchor == "lowest" and self.rules.busy_join != "all"
+        return self.rules.anchor == "lowest" and self.rules.busy_join != "all" and not self.rules.oracles
 
 
 class Invariant:

@@ -7,7 +7,9 @@ from math import isfinite
 from swarmer.messages import COUNT, SWARM_KINDS, THAW, TO_SWARM, Message, Stamp, Swarm
 from swarmer.observe.invariants.base import BA, EVERY, NOTED, TINY, A, D, Facts, Invariant, Life, Step
 from swarmer.observe.protocol_words import addressee_name, datagram_name, swarm_name
+from swarmer.plan import thaw_h_of
 from swarmer.protocol.events import Arm, Local, ThawBegins, Timer
+from swarmer.protocol.records import shape_of
 from swarmer.radio import WINDOW
 
 TICK, LANDED = int(Local.CHALLENGE_DUE), int(Local.LANDED)
@@ -70,7 +72,9 @@ class Believing(Invariant):
             reached |= new
             ways += new
         return (
-            None if len(reached) == plan.size else f"{plan.size - len(reached)} FLSs are not joined to FLS 1"
+            None
+            if len(reached) == len(links)
+            else f"{len(links) - len(reached)} FLSs are not joined to FLS 1"
         )
 
     def stamped(self, life: Life, message: Message, stamp: Stamp) -> str | None:
@@ -104,9 +108,11 @@ class Thawing(Invariant):
     def __init__(self, facts: Facts) -> None:
         super().__init__(facts)
         rules = facts.rules
-        h_s, policy = rules.thaw_h_s, rules.thaw_policy
-        self._timer = (h_s, h_s * rules.thaw_spread) if policy == "timer" else None
-        self._census = policy == "census"
+        self._rules, self._timer, self._census = (
+            rules,
+            rules.thaw_policy == "timer",
+            rules.thaw_policy == "census",
+        )
 
     def after(self, step: Step) -> str | None:
         m, was = step.m, step.was
@@ -119,7 +125,8 @@ class Thawing(Invariant):
         if self._timer:
             for action in step.actions:
                 if type(action) is Arm and action.timer is Timer.THAW:
-                    lowest, highest = self._timer
+                    lowest = thaw_h_of(self._rules, shape_of(m.epoch))
+                    highest = lowest * self._rules.thaw_spread
                     delay = action.at_s - step.now
                     if not lowest - TINY <= delay <= highest + TINY:
                         return f"means to thaw in {delay:.3f} s; {lowest:.3f} to {highest:.3f} s are allowed"
@@ -135,8 +142,9 @@ class Thawing(Invariant):
         if step.key == COUNT and (event.message.epoch, event.message.swarm) == (was.epoch, was.swarm):
             was.reporters.add(event.message.sender)
         begins = [action for action in step.actions if type(action) is ThawBegins and action.known]
-        if begins and len(was.reporters) < self.facts.rules.count - 1:
-            return f"thaws, with reports of {len(was.reporters)} FLSs; there are {self.facts.rules.count - 1} others"
+        others = self._rules.counts[min(shape_of(was.epoch), len(self._rules.counts) - 1)] - 1
+        if begins and len(was.reporters) < others:
+            return f"thaws, with reports of {len(was.reporters)} FLSs; there are {others} others"
         if step.m.swarm != was.swarm or step.thaws:
             was.reporters.clear()
         return None

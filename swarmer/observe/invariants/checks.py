@@ -15,6 +15,8 @@ from swarmer.faults import NO_FAULTS, Schedule
 from swarmer.messages import THAW
 from swarmer.observe.invariants.base import NOTED, QUIET, D, Facts, Invariant, Life, Step
 from swarmer.observe.invariants.being import Always, Believing, Deploying, Lives, Numbers, Thawing
+from swarmer.observe.invariants.changing import Transitions
+from swarmer.observe.invariants.knowing import Oracles
 from swarmer.observe.invariants.liveness import OneSwarm, Silence
 from swarmer.observe.invariants.moving import Following, Localizing, StandingStill
 from swarmer.observe.invariants.pairing import Accepts, Challenges, Newcomers, Pairs, Races
@@ -28,6 +30,7 @@ from swarmer.protocol.events import (
     Launch,
     Local,
     Measured,
+    NewShape,
     Received,
     Send,
 )
@@ -43,13 +46,13 @@ if TYPE_CHECKING:
 
 INVARIANTS: tuple[type[Invariant], ...] = (
     Deploying, Challenges, Accepts, Pairs, Localizing, Following, StandingStill, Races, Believing, Newcomers, Thawing,
-    Numbers, Lives, Always, OneSwarm, Silence,
+    Numbers, Lives, Oracles, Transitions, Always, OneSwarm, Silence,
 )  # fmt: skip
-CAUSES = (Numbers, Lives, Thawing)
+CAUSES = (Numbers, Lives, Transitions, Thawing)
 
 _KEY = {
     Launch: int(Local.LAUNCH), Landed: int(Local.LANDED), Measured: int(Local.MEASURED),
-    BatteryLow: int(Local.BATTERY_LOW),
+    BatteryLow: int(Local.BATTERY_LOW), NewShape: int(Local.NEW_SHAPE),
 }  # fmt: skip
 _TIMERS = int(Local.CHALLENGE_DUE)
 _NOTHING: tuple[Any, ...] = ()
@@ -219,7 +222,7 @@ class Checks(Witness):
         """Are all lit and one swarm, or have they been at some moment since `calm_s`?"""
         facts = self.facts
         calm = facts.calm_s is not None and now_s >= facts.calm_s
-        if calm and facts.single_s is None and self._awake == facts.rules.count and len(self._swarms) == 1:
+        if calm and facts.single_s is None and self._awake == facts.lights(now_s) and len(self._swarms) == 1:
             facts.single_s = max(facts.calm_s or 0.0, self._changed_s)
         return facts.single_s is not None
 

@@ -148,8 +148,14 @@ class Following(Invariant):
             if m.swarm != message.other or message.addressee != was.swarm:
                 return f"in {was.swarm}, told {message.addressee} -> {message.other}, and is in {m.swarm}"
         flights = [action.vector for action in step.actions if type(action) is Fly]
-        if not flights or step.key in (LAUNCH, MEASURED):
-            return None
+        if (
+            not flights
+            or step.key in (LAUNCH, MEASURED)
+            or was.onward
+            or m.truth is not was.truth
+            or m.oracle
+        ):
+            return None  # (to the next shape: S15; an oracle's: S14)
         self.looked += 1
         asked = was.pending if step.key == LANDED else (message,) if message is not None else ()
         # While messages that waited are worked off, a MERGE among them may change the Swarm-ID for the next.

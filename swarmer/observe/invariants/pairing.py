@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from swarmer.messages import (
+    ABSOLUTE,
     CHALLENGE_ACCEPT,
     CHALLENGE_ACK,
     CHALLENGE_INIT,
@@ -133,7 +134,9 @@ class Accepts(Invariant):
         return None
 
     def _picked(self, m: StateMachine, asked: Message) -> bool:
-        """Would the strategy of the run have this FLS anchor the challenger?"""
+        """Would the strategy of the run, or an oracle, have this FLS anchor the challenger?"""
+        if bool(asked.flags & ABSOLUTE) != m.absolute:
+            return m.absolute
         rule = STRATEGIES[self.facts.rules.anchor]
         return rule(Party(m.swarm, m.size, False), Party(asked.swarm, asked.size, True), asked.challenge)
 
