@@ -11,6 +11,7 @@ import pytest
 from rrd_rows import blueprint, chunks, entities, rows, timelines
 
 from swarmer.engines.result import Event, Lateness, Live, Localized, Snapshot
+from swarmer.next_shape import Standing
 from swarmer.observe import recording as recording_module
 from swarmer.observe.blueprint import ASPECT, HALF_VIEW, eye_for
 from swarmer.observe.files import Stream
@@ -366,11 +367,33 @@ def pipes_open_for_writing():
 @pytest.mark.parametrize("name", ["<script>alert(1)</script>", "a/b\\c", "ünï"])
 def test_any_name_of_a_shape_will_do(tmp_path, fake, name):
     cloud = fake.ball(6)
-    plan = SimpleNamespace(
-        config=fake.plan(cloud).config, size=6, cloud=SimpleNamespace(points=cloud.points, name=name)
-    )
+    plan = fake.plan(cloud)
+    plan.cloud = SimpleNamespace(points=cloud.points, name=name)
     stream = Stream(tmp_path / "recording.rrd")
     Recording(plan, stream).close()
     stream.close()
     (title,) = rows(tmp_path / "recording.rrd", "__properties", "RecordingInfo:name")
     assert title.value[0].startswith(name)
+
+
+def test_the_points_of_the_shape_of_the_moment_are_shown(tmp_path, fake):
+    """Six points, then four of them elsewhere: they move when the shape changes, and the other two are hidden."""
+    cloud = fake.ball(6)
+    plan, member = fake.plan(cloud), np.arange(6) < 4
+    after = Standing(0.3, cloud.points + 1.0, member)
+    first = plan.standings()[0]
+    plan.standings = lambda: (first, after)
+    stream = Stream(tmp_path / "recording.rrd")
+    recording, progress = Recording(plan, stream), Progress.of(cloud.points)
+    swarm = fake.swarm(cloud)
+    for t_s in (0.0, 0.1, 0.2, 0.3, 0.4):
+        snapshot = swarm.snapshot(t_s)
+        progress.update(snapshot)
+        recording.sample(snapshot, progress)
+    recording.close()
+    stream.close()
+    places = rows(tmp_path / "recording.rrd", "ground_truth", "Points3D:positions")
+    assert [len(row.value) for row in places] == [6, 6]
+    assert np.allclose(np.array(places[1].value) - np.array(places[0].value), 1.0, atol=1e-4)
+    radii = rows(tmp_path / "recording.rrd", "ground_truth", "Points3D:radii")
+    assert list(radii[-1].value[4:]) == [0.0, 0.0]
