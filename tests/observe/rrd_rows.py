@@ -45,10 +45,10 @@ def _rows(columns, component, number):
             yield Row(None if t_ns is None else t_ns / 1e9, sample, value)
 
 
-def blueprint(path):
-    """The values of a component in the blueprint, wherever it is in it."""
+def blueprint(path, which=0):
+    """The values of a component in a blueprint, wherever it is in it."""
     reader = rrd.RrdReader(path)
-    (store,) = reader.blueprints()
+    store = reader.blueprints()[which]
     found = {}
     for chunk in reader.stream(store=store):
         batch = chunk.to_record_batch()
