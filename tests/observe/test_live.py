@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from rrd_rows import blueprint, rows
+from rrd_rows import blueprint, blueprint_ids, rows
 
 from swarmer.commands.run import command
 from swarmer.errors import BadInput, RunFailed
@@ -82,10 +82,10 @@ def test_the_viewer_gets_what_the_file_gets(tmp_path, collector, viewer_of):
     assert len(rows(tmp_path / "cut.rrd", "swarms", "Scalars:scalars")) == 21, "to the last sample"
     assert lines == ["live: here"]
     # Live it follows the run. What comes after that is for the file alone: another blueprint, which plays it.
-    assert [value[0] for value in blueprint(tmp_path / "cut.rrd", 0)["TimePanelBlueprint:play_state"]] == [
+    assert [value[0] for value in blueprint(tmp_path / "cut.rrd")["TimePanelBlueprint:play_state"]] == [
         FOLLOWING
     ]
-    last = blueprint(tmp_path / "run" / "recording.rrd", -1)
+    last = blueprint(tmp_path / "run" / "recording.rrd", blueprint_ids(tmp_path / "cut.rrd"))
     assert [value[0] for value in last["TimePanelBlueprint:play_state"]] == [PLAYING]
 
 
@@ -94,7 +94,7 @@ def test_virtual_time_is_played_live(tmp_path, collector, viewer_of):
     collector("auto", engine="virtual")
     assert made[0]._process.wait(10) == 0
     assert (tmp_path / "shown").read_bytes() == (tmp_path / "run" / "recording.rrd").read_bytes()
-    (shown,) = blueprint(tmp_path / "shown", 0)["TimePanelBlueprint:play_state"]
+    (shown,) = blueprint(tmp_path / "shown")["TimePanelBlueprint:play_state"]
     assert shown == [PLAYING]
 
 
