@@ -117,6 +117,20 @@ def test_a_viewer_that_is_killed_is_told_and_the_run_goes_on(tmp_path, collector
     assert [*lines, *made[0].news()][-1] == "live: the viewer is gone; the run goes on without it"
 
 
+def test_a_window_that_cannot_open_is_told_at_the_end(collector, viewer_of):
+    """There may be a display and no driver that draws on it."""
+    viewer_of(
+        [sys.executable, "-c", "import sys, time; sys.stdin.close(); time.sleep(0.2); sys.exit(3)"],
+        stays=True,
+    )
+    _, lines = collector("desktop")
+    assert lines[0] == "live: here"
+    assert lines[1] in (
+        "live: the viewer is gone; the run goes on without it; --live=web makes a page",
+        "live: the viewer has ended with status 3; --live=web makes a page",
+    )
+
+
 def test_a_viewer_that_never_reads_neither_stops_the_run_nor_fills_the_memory(monkeypatch):
     monkeypatch.setattr(live, "HELD_MAX", 1 << 20)
     monkeypatch.setattr(live, "CLOSE_S", 0.1)
