@@ -155,6 +155,7 @@ class _Run:
             live=NO_HEALTH,
             flown=self.world.by_point(self.world.flown),
             hd_cells=hd,
+            localized=step.localized if step is not None and step.localizing else None,
         )
         if self.observer.sample(snapshot):
             self.stopping = True

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmer.engines.result import Localized
 from swarmer.engines.rounds_groups import Groups
 from swarmer.engines.rounds_links import Rows, Swarms, Vectors, ranges
 from swarmer.engines.rounds_world import FOLLOWING, LOCALIZING
@@ -25,6 +26,7 @@ class Moves(NamedTuple):
     lengths: NDArray[np.float64]  # |V| of each localization, cells, 0 where it was too short to fly
     localizing_cells: float  # by the localizing FLSs
     swarm_cells: float  # by all members of their swarms besides
+    localized: Localized  # who flew to where a localization led, from where it was to where it came
 
 
 def carry_out(
@@ -39,7 +41,7 @@ def carry_out(
 
     threshold_cells: shorter vectors are not flown. exact_first_leg: of a technique with legs, as the authors' program.
     """
-    flown = np.zeros(len(groups.swarm))
+    flown, localized = np.zeros(len(groups.swarm)), []
     localizing = swarm_cells = 0.0
     last = int(groups.wave.max(initial=0))
     for wave in range(1, last + 1):
@@ -52,16 +54,32 @@ def carry_out(
         flies = length > 0 if threshold_cells == 0 else length >= threshold_cells
         at, j, swarm, vectors, length = at[flies], j[flies], swarm[flies], vectors[flies], length[flies]
         flown[at] = length
+        start = world.position[j]
         members, of = _members(swarms, swarm)
         swarm_cells += float((length * (swarms.sizes[swarm] - 1)).sum())
         if not technique.has_legs:
             localizing += float(length.sum())
             world.fly(members, vectors[of], np.where(members == j[of], LOCALIZING, FOLLOWING))
-            continue
-        follows = members != j[of]
-        world.fly(members[follows], vectors[of[follows]], FOLLOWING)
-        localizing += _fly_legs(world, technique, j, measured[flies], ground_truth[flies], exact_first_leg)
-    return Moves(flown, localizing, swarm_cells)
+        else:
+            follows = members != j[of]
+            world.fly(members[follows], vectors[of[follows]], FOLLOWING)
+            localizing += _fly_legs(
+                world, technique, j, measured[flies], ground_truth[flies], exact_first_leg
+            )
+        localized.append((j, i[flies], start, world.position[j] - start))
+    return Moves(flown, localizing, swarm_cells, _told(world, localized))
+
+
+def _told(world: World, localized: list[tuple[Rows, Rows, Vectors, Vectors]]) -> Localized:
+    """Rows of localizing FLSs and of their anchors, starts and vectors, wave by wave, as an observer is told."""
+    none: tuple[Rows, Rows, Vectors, Vectors] = (
+        np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3))
+    )  # fmt: skip
+    j, i, start, vector = (np.concatenate(parts) for parts in zip(none, *localized, strict=True))
+    return Localized(
+        (world.point[j] + 1).astype(np.int32), (world.point[i] + 1).astype(np.int32),
+        start.astype(np.float32), vector.astype(np.float32),
+    )  # fmt: skip
 
 
 def _members(swarms: Swarms, moving: Rows) -> tuple[Rows, Rows]:

@@ -23,6 +23,7 @@ from swarmer.engines.rounds_world import World, generator
 from swarmer.state_machine import State
 
 if TYPE_CHECKING:
+    from swarmer.engines.result import Localized
     from swarmer.plan import Plan
 
 
@@ -38,6 +39,7 @@ class Step(NamedTuple):
     localizing_cells: float
     swarm_cells: float
     failed: int = 0
+    localized: Localized | None = None
 
 
 class SwarmRounds:
@@ -109,4 +111,5 @@ def _summed_up(groups: Groups, moves: Moves) -> Step:
         flights=moves.lengths,
         localizing_cells=moves.localizing_cells,
         swarm_cells=moves.swarm_cells,
+        localized=moves.localized,
     )

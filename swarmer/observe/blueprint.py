@@ -41,10 +41,10 @@ def log_curves(rec: Any, network: bool) -> None:
         rec.log(entity, look, static=True)
 
 
-def make_blueprint(truth: NDArray[np.float64], duration_s: float, network: bool) -> Any:
+def make_blueprint(truth: NDArray[np.float64], duration_s: float, network: bool, following: bool) -> Any:
     """What the viewer shows at first. truth: (F, 3), cells. network: there are curves of datagrams and lateness.
 
-    It plays from the start; while a run is live the viewer stays at its end once it has got there.
+    It plays from the start, or, following, shows what came last.
     """
     import rerun.blueprint as rrb
 
@@ -67,7 +67,7 @@ def make_blueprint(truth: NDArray[np.float64], duration_s: float, network: bool)
         rrb.TimePanel(
             timeline=EMULATED_TIME,
             state="collapsed",
-            play_state="playing",
+            play_state="following" if following else "playing",
             playback_speed=max(1.0, duration_s / WATCHED_S),
         ),
         collapse_panels=True,

@@ -165,6 +165,7 @@ class Collector:
             self._keep(self._timeline.close)
         if self._recording is not None:
             self._keep(self._recording.close)
+            self._tell_of_viewer()
         went = f"{result.emulated_s:.0f} rounds" if result.in_rounds else f"{result.emulated_s:.2f} s"
         self._keep(self.directory.log, f"{result.status}: {went} {result.message}".rstrip())
         if result.round_rows:

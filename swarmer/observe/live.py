@@ -100,6 +100,7 @@ class LiveViewer:
         self._queue: deque[bytes] = deque()
         self._held = 0
         self._closing = self._gone = False
+        self._stays = stays
         self._turn = threading.Condition()
         self._process = subprocess.Popen(
             command,
@@ -152,7 +153,8 @@ class LiveViewer:
     def _lose(self, how: str) -> None:
         self._gone = True
         self._queue.clear()
-        self._lines.append(f"live: the viewer {how}; the run goes on without it")
+        instead = "; --live=web makes a page" if self._stays else ""
+        self._lines.append(f"live: the viewer {how}; the run goes on without it{instead}")
 
     def news(self) -> list[str]:
         """Lines for the user that were not taken yet."""
@@ -165,3 +167,6 @@ class LiveViewer:
             self._closing = True
             self._turn.notify()
         self._thread.join(CLOSE_S)
+        status = self._process.poll()
+        if self._stays and status is not None and not self._gone:  # it read all, and then could not show it
+            self._lines.append(f"live: the viewer has ended with status {status}; --live=web makes a page")

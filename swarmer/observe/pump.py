@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import select
 import threading
+import time
 from typing import TYPE_CHECKING
 
 from swarmer.errors import RunFailed
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from swarmer.observe.live import LiveViewer
 
 SILENCE_S = 0.5
+VIEWER_S = 1.0  # how long what is on its way to a viewer may take
 
 
 class Pump:
@@ -27,7 +29,7 @@ class Pump:
     def __init__(self, stream: Stream | None, viewer: LiveViewer | None = None) -> None:
         self._stream, self._viewer = stream, viewer
         self._failure: RunFailed | None = None
-        self._ended = threading.Event()
+        self._ended, self._turn = threading.Event(), threading.Lock()
         self._reader, self._writer = os.pipe()
         self.path = f"/dev/fd/{self._writer}"
         self._thread = threading.Thread(target=self._carry, name="recording", daemon=True)
@@ -38,25 +40,40 @@ class Pump:
         self._thread.start()
 
     def _carry(self) -> None:
-        while data := self._read():
-            if self._viewer is not None:
-                self._viewer.feed(data)
-            if self._stream is not None and self._failure is None:
-                try:
-                    self._stream.write(data)
-                except RunFailed as failure:
-                    self._failure = failure
+        while self._wait():
+            with self._turn:
+                data = os.read(self._reader, 1 << 20)
+                if self._viewer is not None:
+                    self._viewer.feed(data)
+                self._write(data)
+            if not data:
+                break
         os.close(self._reader)
 
-    def _read(self) -> bytes:
-        """What comes next; nothing at the end.
+    def _write(self, data: bytes) -> None:
+        if self._stream is not None and self._failure is None:
+            try:
+                self._stream.write(data)
+            except RunFailed as failure:
+                self._failure = failure
+
+    def _wait(self) -> bool:
+        """True if there is something to read, be it the end; False if there will be nothing more.
 
         The end is the pipe's, or silence after rerun has ended: a child forked meanwhile may hold the pipe open.
         """
         while not select.select([self._reader], [], [], SILENCE_S)[0]:
             if self._ended.is_set():
-                return b""
-        return os.read(self._reader, 1 << 20)
+                return False
+        return True
+
+    def let_viewer_go(self) -> None:
+        """What is written from now on is for the file alone; the viewer gets all that rerun has flushed before."""
+        until = time.monotonic() + VIEWER_S
+        while time.monotonic() < until and select.select([self._reader], [], [], 0)[0]:
+            time.sleep(0.001)
+        with self._turn:  # what has been read is carried
+            self._viewer = None
 
     def check(self) -> None:
         """Raises RunFailed if the disk has refused something."""

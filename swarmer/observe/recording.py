@@ -10,6 +10,7 @@ import math
 import secrets
 import threading
 import time
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +22,8 @@ from swarmer.observe.scene import Scene
 from swarmer.observe.tracks import Moment, Track
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from swarmer.engines.result import Event, Snapshot
     from swarmer.observe.files import Stream
     from swarmer.observe.live import LiveViewer
@@ -29,8 +32,8 @@ if TYPE_CHECKING:
 
 HD_FLOOR = 1e-6  # cells; log10 of nothing smaller is drawn
 CLOSE_S = 20.0  # how long closing may take
-CHUNK_SAMPLES = 20
-CHUNK_S, CHUNK_LIVE_S = 2.0, 0.25  # wall; nothing waits longer for being sent, but for the next sample
+CHUNK_SAMPLES, CHUNK_MIN = 20, 2
+CHUNK_S, CHUNK_LIVE_S = 2.0, 0.25  # wall; so long may a few samples wait for being sent
 CHUNK_POSITIONS = 500_000
 FAILURES = ("failure", "departure", "crash")
 
@@ -58,6 +61,9 @@ class Recording:
         )  # a round is drawn as a second
         self.every = samples_between(len(truth), rate_hz, config.recording.positions_per_s)
         self._pump, self._viewer = Pump(stream, viewer), viewer
+        # Real time is shown as it comes; what virtual time computes ahead of the viewer is played.
+        self._following = viewer is not None and config.engine == "process"
+        self._look: Callable[[bool], Any] | None = None  # the blueprint, following or not
         self._rec: Any = rr.RecordingStream(
             "swarmer", recording_id=f"{plan.cloud.name}-{secrets.token_hex(4)}"
         )
@@ -69,7 +75,8 @@ class Recording:
         names = ("hd/log10", "hd_cells", "swarms", "states", "datagrams", "lateness")
         self._curves = {name: Track(name, rr.Scalars.columns) for name in names}
         self._events = Track("events", rr.TextLog.columns)
-        self._samples = self._drawn = 0
+        self._samples = 0
+        self._drawn = self._gathered = 0  # positions, samples, since rows were sent
         self._sampled_s = -math.inf
         self._undrawn: tuple[Moment, Snapshot] | None = None
         self._sent: tuple[float, float, float] | None = (
@@ -93,13 +100,15 @@ class Recording:
         lines = self._narrator.lines(snapshot, progress.swarms.number)
         self._tell(at, lines, "TRACE")
         self._samples += 1
+        self._gathered += 1
         self._send_if_due()
 
     def _open(self, first: Snapshot) -> None:
         """Say how it is to be looked at, now that it is known what the engine has."""
         network = "datagrams_sent" in first.counters
         log_curves(self._rec, network)
-        self._rec.send_blueprint(make_blueprint(self._truth, self._duration_s, network))
+        self._look = partial(make_blueprint, self._truth, self._duration_s, network)
+        self._rec.send_blueprint(self._look(self._following))
 
     def _draw(self, at: Moment, snapshot: Snapshot) -> None:
         self._undrawn = None
@@ -148,12 +157,12 @@ class Recording:
         if (
             self._samples % CHUNK_SAMPLES == 1
             or self._drawn >= CHUNK_POSITIONS
-            or waited >= (CHUNK_S if self._viewer is None else CHUNK_LIVE_S)
+            or (waited >= (CHUNK_S if self._viewer is None else CHUNK_LIVE_S) and self._gathered >= CHUNK_MIN)
         ):
             self._send()
 
     def _send(self) -> None:
-        self._sent_wall, self._drawn = time.monotonic(), 0
+        self._sent_wall, self._drawn, self._gathered = time.monotonic(), 0, 0
         for track in (*self._scene.tracks(), *self._curves.values(), self._events):
             track.send(self._rec)
 
@@ -166,6 +175,10 @@ class Recording:
         if self._undrawn is not None:
             self._draw(*self._undrawn)
         self._send()
+        if self._following and self._look is not None:
+            self._rec.flush()
+            self._pump.let_viewer_go()
+            self._rec.send_blueprint(self._look(False))  # the file is to be played
         ender = threading.Thread(target=self._rec.disconnect, daemon=True)
         ender.start()
         ender.join(CLOSE_S)

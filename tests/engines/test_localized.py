@@ -1,11 +1,15 @@
 """Who localized, as samples tell it."""
 
+from itertools import pairwise
+
 import numpy as np
+import pytest
 from virtual_runs import SMALL, Watcher
 
 from swarmer.config import load_config
 from swarmer.engines.localized import LocalizedWatch, take_localized
 from swarmer.engines.result import Witness
+from swarmer.engines.rounds import RoundsEngine
 from swarmer.engines.virtual import VirtualEngine
 from swarmer.physics.flight import Flight
 from swarmer.plan import make_plan
@@ -39,6 +43,28 @@ def test_virtual_time_tells_each_flight_of_a_localizer_once():
         assert (fid, anchor) == flown[:2]
         assert start.tolist() == flown[2].tolist()
         assert vector.tolist() == flown[3].tolist()
+
+
+@pytest.mark.parametrize("settings", [{}, {"m": 2}, {"technique": "physical_movement"}])
+def test_a_round_tells_where_each_localizing_fls_came_from_and_went(settings):
+    plan, watcher = make_plan(load_config(engine="rounds", shape="sphere", points=60, **settings)), Watcher()
+    with RoundsEngine(plan) as engine:
+        engine.run(watcher)
+    told = 0
+    for before, after in pairwise(watcher.samples):
+        if after.localized is None:
+            continue
+        fid, anchor, start, vector = after.localized
+        assert len(set(fid.tolist())) == len(fid)
+        np.testing.assert_allclose(start, before.position[fid - 1], rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(start + vector, after.position[fid - 1], rtol=1e-5, atol=1e-5)
+        assert (after.swarm[fid - 1] == after.swarm[anchor - 1]).all()
+        assert (
+            after.state[anchor - 1] == State.BUSY_ANCHOR
+        ).mean() > 0.5  # one may also localize in a later wave
+        told += len(fid)
+    assert told > 50
+    assert watcher.samples[0].localized is None
 
 
 def test_taking_empties_the_list():

@@ -45,10 +45,14 @@ def _rows(columns, component, number):
             yield Row(None if t_ns is None else t_ns / 1e9, sample, value)
 
 
-def blueprint(path):
-    """The values of a component in the blueprint, wherever it is in it."""
+def blueprint_ids(path):
+    return {store.recording_id for store in rrd.RrdReader(path).blueprints()}
+
+
+def blueprint(path, but=()):
+    """The values of a component in the one blueprint whose id is not in `but`, wherever it is in it."""
     reader = rrd.RrdReader(path)
-    (store,) = reader.blueprints()
+    (store,) = (one for one in reader.blueprints() if one.recording_id not in but)
     found = {}
     for chunk in reader.stream(store=store):
         batch = chunk.to_record_batch()

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from rrd_rows import blueprint, blueprint_ids, rows
 
 from swarmer.commands.run import command
 from swarmer.errors import BadInput, RunFailed
@@ -22,6 +23,7 @@ from swarmer.observe.live import LiveViewer, check_way, open_viewer
 from swarmer.observe.run_directory import RunDirectory
 from swarmer.observe.viewer import HOST, answers, native_command, serves_viewers, web_address
 
+PLAYING, FOLLOWING = 2, 3  # of rerun's PlayState
 COPY = "import shutil, sys; shutil.copyfileobj(sys.stdin.buffer, open(sys.argv[1], 'wb'))"
 SLEEP = [sys.executable, "-c", "import time; time.sleep(60)"]
 
@@ -68,13 +70,32 @@ def viewer_of(monkeypatch):
     return use
 
 
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_the_viewer_gets_what_the_file_gets(tmp_path, collector, viewer_of):
     made = viewer_of([sys.executable, "-c", COPY, str(tmp_path / "shown")])
     one, lines = collector("auto")
     assert made[0]._process.wait(10) == 0
     assert one.failure is None
-    assert (tmp_path / "shown").read_bytes() == (tmp_path / "run" / "recording.rrd").read_bytes()
+    shown, file = (tmp_path / "shown").read_bytes(), (tmp_path / "run" / "recording.rrd").read_bytes()
+    assert file.startswith(shown)
+    (tmp_path / "cut.rrd").write_bytes(shown)
+    assert len(rows(tmp_path / "cut.rrd", "swarms", "Scalars:scalars")) == 21, "to the last sample"
     assert lines == ["live: here"]
+    # Live it follows the run. What comes after that is for the file alone: another blueprint, which plays it.
+    assert [value[0] for value in blueprint(tmp_path / "cut.rrd")["TimePanelBlueprint:play_state"]] == [
+        FOLLOWING
+    ]
+    last = blueprint(tmp_path / "run" / "recording.rrd", blueprint_ids(tmp_path / "cut.rrd"))
+    assert [value[0] for value in last["TimePanelBlueprint:play_state"]] == [PLAYING]
+
+
+def test_virtual_time_is_played_live(tmp_path, collector, viewer_of):
+    made = viewer_of([sys.executable, "-c", COPY, str(tmp_path / "shown")])
+    collector("auto", engine="virtual")
+    assert made[0]._process.wait(10) == 0
+    assert (tmp_path / "shown").read_bytes() == (tmp_path / "run" / "recording.rrd").read_bytes()
+    (shown,) = blueprint(tmp_path / "shown")["TimePanelBlueprint:play_state"]
+    assert shown == [PLAYING]
 
 
 def test_a_viewer_without_a_file(tmp_path, collector, viewer_of):
@@ -94,6 +115,20 @@ def test_a_viewer_that_is_killed_is_told_and_the_run_goes_on(tmp_path, collector
     assert one.failure is None
     assert (tmp_path / "run" / "recording.rrd").exists()
     assert [*lines, *made[0].news()][-1] == "live: the viewer is gone; the run goes on without it"
+
+
+def test_a_window_that_cannot_open_is_told_at_the_end(collector, viewer_of):
+    """There may be a display and no driver that draws on it."""
+    viewer_of(
+        [sys.executable, "-c", "import sys, time; sys.stdin.close(); time.sleep(0.2); sys.exit(3)"],
+        stays=True,
+    )
+    _, lines = collector("desktop")
+    assert lines[0] == "live: here"
+    assert lines[1] in (
+        "live: the viewer is gone; the run goes on without it; --live=web makes a page",
+        "live: the viewer has ended with status 3; --live=web makes a page",
+    )
 
 
 def test_a_viewer_that_never_reads_neither_stops_the_run_nor_fills_the_memory(monkeypatch):
@@ -200,11 +235,10 @@ def child_of(pid):
 def test_the_page_is_served_on_this_machine_alone_and_ends_with_the_run(monkeypatch, finished_run):
     monkeypatch.setattr(live, "display_available", lambda: False)
     monkeypatch.setattr(live, "serves_viewers", lambda port: False)
-    with contextlib.ExitStack() as taken:
-        for port in (live.GRPC_PORT, live.WEB_PORT):  # by somebody else
-            other = taken.enter_context(socket.socket())
-            with contextlib.suppress(OSError):
-                other.bind((HOST, port))
+    with socket.socket() as one, socket.socket() as two:  # the usual ports are somebody else's
+        for other, name in ((one, "GRPC_PORT"), (two, "WEB_PORT")):
+            other.bind((HOST, 0))
+            monkeypatch.setattr(live, name, other.getsockname()[1])
         viewer = open_viewer("auto")
     page, tunnel = viewer.news()
     address = page.split()[1]
@@ -248,8 +282,8 @@ def test_the_page_ends_also_when_the_run_is_killed(tmp_path):
     raise AssertionError("it is still there")
 
 
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_a_viewer_that_is_there_is_used(tmp_path, collector):
-    """And may be killed meanwhile."""
     with socket.socket() as probe:
         probe.bind((HOST, 0))
         port = probe.getsockname()[1]
@@ -260,12 +294,14 @@ def test_a_viewer_that_is_there_is_used(tmp_path, collector):
         one, lines = collector(str(port))
         assert lines == [f"live: in the viewer at {HOST}:{port}"]
         assert one.failure is None
-        sent = (tmp_path / "run" / "recording.rrd").stat().st_size
+        seen = []
         for _ in range(100):
-            if (tmp_path / "seen.rrd").stat().st_size > 0.5 * sent:
+            with contextlib.suppress(RuntimeError, ValueError):  # it is being written
+                seen = rows(tmp_path / "seen.rrd", "swarms", "Scalars:scalars")
+            if len(seen) == 21:
                 break
-            time.sleep(0.05)
-        assert (tmp_path / "seen.rrd").stat().st_size > 0.5 * sent
+            time.sleep(0.1)
+        assert len(seen) == 21
     finally:
         there.kill()
         there.wait()
