@@ -1,12 +1,14 @@
 """Recordings that were cut, foreign, or written by another rerun: mended, or refused with a line that helps."""
 
 import random
+import sys
 import warnings
 
 import pytest
 from rerun.chunk import RrdReader
 
 from swarmer.errors import BadInput
+from swarmer.observe import recording_file
 from swarmer.observe.recording_file import installed, is_whole, readable
 
 
@@ -19,11 +21,34 @@ def frames(path):
         return rows, len(reader.blueprints())
 
 
-def test_a_whole_recording_is_played_as_it_is(finished_run):
+def pieces(path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return len(list(RrdReader(path).stream()))
+
+
+def test_a_whole_recording_is_put_together_and_loses_nothing(finished_run):
     recording = finished_run / "recording.rrd"
     assert is_whole(recording)
     with readable(recording) as path:
-        assert path == recording
+        assert is_whole(path)
+        assert frames(path) == frames(recording)
+        assert pieces(path) <= pieces(recording)
+    assert not path.parent.exists()
+
+
+def test_a_large_one_is_played_as_it_is(finished_run, monkeypatch):
+    monkeypatch.setattr(recording_file, "COMPACTED_BYTES", 1000)
+    with readable(finished_run / "recording.rrd") as path:
+        assert path == finished_run / "recording.rrd"
+
+
+def test_where_it_cannot_be_put_together_a_whole_one_is_played_as_it_is(finished_run, monkeypatch):
+    monkeypatch.setattr(
+        recording_file, "rerun_command", lambda: [sys.executable, "-c", "import sys; sys.exit(3)"]
+    )
+    with readable(finished_run / "recording.rrd") as path:
+        assert path == finished_run / "recording.rrd"
 
 
 @pytest.mark.parametrize("name", ["recording.rrd.partial", "recording.rrd"])

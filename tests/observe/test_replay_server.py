@@ -121,7 +121,7 @@ def test_it_ends_without_a_trace(finished_run, tmp_path, number, cut):
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     ) as process:  # fmt: skip
         line = process.stdout.readline()
-        assert re.fullmatch(r"open http://127\.0\.0\.1:\d+/\n", line)
+        assert re.fullmatch(r"open http://127.0.0.1:\d+/\n", line)
         assert len(list(room.iterdir())) == cut
         process.send_signal(number)
         _, err = process.communicate(timeout=PATIENCE_S)
