@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmer.observe.palette import Palette
+from swarmer.observe.palette import CALM, DARK, PALE, swarm_colours
 from swarmer.observe.report_drawing import clock_of
 from swarmer.observe.report_page import Part, data_block, esc
 from swarmer.observe.saved_run import SavedRun, SavedTimeline
@@ -24,7 +24,6 @@ BYTES_MAX = 1_900_000  # deflated; base64 makes it 2.5 MB
 FRAMES_MAX, FRAMES_MIN = 640, 12
 VALUES_MAX = 24_000_000  # positions and colours before they are deflated: what a phone can unpack
 STEP_CELLS = 0.01  # no finer than the eye could see
-CALM = "76,155,232"  # a display that is one swarm
 LARGEST = 65_535
 
 
@@ -62,10 +61,11 @@ def scene_part(run: SavedRun) -> Part | None:
 <option value=2>2</option><option value=4>4</option><option value=10>10</option></select></label>
 <label><input type=checkbox> Moved to its place</label>
 <button type=button data-do=reset>Reset view</button><output></output></div>
-<figcaption id=scene-help>Drag or use the arrow keys to turn, + and − to come nearer, space to play, comma and point for
-the frame before and after, 0 to go back to the first view. One colour a swarm, blue when all are one; grey is dark, red
-has just gone dark; small grey dots are the places where the FLSs belong. A shape may be right and stand beside its
-place: moved there, by the mean error of the lit FLSs, it is seen as HD is read.{esc(left_out)}</figcaption>
+<figcaption id=scene-help>Drag or use the arrow keys to turn, + and − to come nearer, space to play, comma and point
+for the frame before and after, 0 to go back to the first view. One colour a swarm, pale who is alone, blue when all
+are one; grey is dark, red has just gone dark; small grey dots are the places where the FLSs belong. A shape may be
+right and stand beside its place: moved there, by the mean error of the lit FLSs, it is seen as HD is read.
+{esc(left_out)}</figcaption>
 {data_block("scene-facts", facts)}{data_block("scene-data", packed.data)}</figure>"""
     return Part("replay", "The display through time", html)
 
@@ -75,8 +75,7 @@ def _facts(run: SavedRun, timeline: SavedTimeline, packed: Packed) -> dict[str, 
     low, high = truth.min(axis=0), truth.max(axis=0)
     view = usual_view(2 if low[2] == high[2] else 3)
     radius = float(np.linalg.norm(high - low)) / 2 or 1.0
-    names = np.arange(min(len(timeline.truth), LARGEST) + 1, dtype=np.int32)
-    palette = Palette(len(timeline.truth)).colours(names, names > 0)
+    names = np.arange(min(len(timeline.truth), LARGEST) + 1)
     counts = [len(np.unique(timeline.swarm[i][timeline.lit[i]])) for i in packed.at]
     return {
         "points": len(truth), "all": len(timeline.truth), "clock": clock.words, "digits": clock.digits,
@@ -84,9 +83,14 @@ def _facts(run: SavedRun, timeline: SavedTimeline, packed: Packed) -> dict[str, 
         "hd": [float(f"{hd:.4g}") if np.isfinite(hd) else None for hd in timeline.hd_cells[packed.at]],
         "swarms": counts, "lit": timeline.lit[packed.at].sum(axis=1).tolist(),
         "low": packed.low.tolist(), "step": packed.step, "centre": ((low + high) / 2).tolist(), "radius": radius,
-        "spacing": _spacing(truth), "view": list(view), "calm": CALM,
-        "palette": base64.b64encode(palette.astype(np.uint8).tobytes()).decode(),
+        "spacing": _spacing(truth), "view": list(view),
+        "calm": list(CALM), "dark": list(DARK),
+        "vivid": _base64(swarm_colours(names)), "pale": _base64(swarm_colours(names, PALE)),
     }  # fmt: skip
+
+
+def _base64(colours: NDArray[np.uint8]) -> str:
+    return base64.b64encode(np.ascontiguousarray(colours, dtype=np.uint8).tobytes()).decode()
 
 
 def pack(timeline: SavedTimeline, bytes_max: int = BYTES_MAX) -> Packed:

@@ -25,8 +25,12 @@
     words.textContent = "This browser cannot unpack the points; the pictures below show them at two moments.";
     return;
   }
-  const palette = bytes(facts.palette), calm = `rgb(${facts.calm})`;
-  const names = Array.from({ length: palette.length / 3 }, (_, i) => `rgb(${palette.subarray(3 * i, 3 * i + 3).join()})`);
+  const colour = (parts) => `rgb(${parts.join()})`, calm = colour(facts.calm), dark = colour(facts.dark);
+  const table = (text) => {
+    const octets = bytes(text);
+    return Array.from({ length: octets.length / 3 }, (_, i) => colour(octets.subarray(3 * i, 3 * i + 3)));
+  };
+  const vivid = table(facts.vivid), pale = table(facts.pale), members = new Uint32Array(vivid.length);
   const centre = facts.centre, radius = facts.radius;
   const start = { azimuth: facts.view[0], elevation: facts.view[1], zoom: 1 };
   let view = { ...start }, now = times[N - 1], playing = false, before = 0, wanted = false;
@@ -91,11 +95,13 @@
     for (let i = 0; i < F; i++) order[i] = i;
     order.sort((i, j) => place[3 * i + 2] - place[3 * j + 2]);
     const colours = 4 * F * (one + 1) + 3 * F, last = 4 * F * Math.max(one, 1) + 3 * F;
+    members.fill(0);
+    for (let i = 0; i < F; i++) members[data[colours + i] % vivid.length]++;
     for (const i of order) {
-      const colour = data[colours + i];
-      if (colour) spot(i, dot, swarms[one] === 1 ? calm : names[colour % names.length]);
+      const swarm = data[colours + i] % vivid.length;
+      if (data[colours + i]) spot(i, dot, swarms[one] === 1 ? calm : (members[swarm] > 1 ? vivid : pale)[swarm]);
       else if (data[last + i]) spot(i, 1.6 * dot, "#ff5a4a"); // it has just gone dark
-      else spot(i, 0.7 * dot, names[0]);
+      else spot(i, 0.7 * dot, dark);
     }
     const distance = hd[one] === null ? "no HD yet" : `HD ${Number(hd[one].toPrecision(3))} cells`;
     const text = `${facts.clock.replace("%", times[one].toFixed(facts.digits))}: ${distance}, ` +
