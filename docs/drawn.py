@@ -14,7 +14,7 @@ from swarmer.observe.palette import Palette
 from swarmer.shapes.views import seen_from, usual_view
 
 CURVE, TRUTH, MARK = "#3f8fe0", "#8a93a6", "#d97a2b"
-WIDE, TALL, SIDE = 360, 200, 300  # a curve's width and height, a cloud's width, in the drawing's own units
+WIDE, TALL, SIDE = 270, 200, 300  # a curve's width and height, a cloud's width, in the drawing's own units
 LEFT, RIGHT, TOP, BOTTOM = 50, 10, 12, 30
 MOST_POINTS = 900  # of a curve
 SETS = "font-family='sans-serif' font-size='12' fill='currentColor'"
@@ -33,6 +33,7 @@ def hd_curve(
     marks: Iterable[Mark],
     said: str,
     end_s: float | None = None,
+    width: int = WIDE,
 ) -> str:
     """HD over emulated time, logarithmic. said: what somebody hears who does not see it."""
     shown = np.isfinite(hd) & (hd > 0)
@@ -41,12 +42,12 @@ def hd_curve(
     low, high = math.floor(values.min()), math.ceil(values.max())
 
     def x(seconds: float) -> float:
-        return round(LEFT + seconds / end * (WIDE - LEFT - RIGHT), 1)
+        return round(LEFT + seconds / end * (width - LEFT - RIGHT), 1)
 
     def y(value: float) -> float:
         return round(TOP + (high - value) / (high - low) * (TALL - TOP - BOTTOM), 1)
 
-    parts = [_level(value, y(value)) for value in range(low, high + 1)]
+    parts = [_level(value, y(value), width) for value in range(low, high + 1)]
     parts += [_time(end * i / 4, x(end * i / 4), "end" if i == 4 else "middle") for i in range(5)]
     parts += [
         f"<line x1='{x(mark.t_s)}' x2='{x(mark.t_s)}' y1='{TOP}' y2='{TALL - BOTTOM}' stroke='{mark.colour}' "
@@ -57,12 +58,12 @@ def hd_curve(
     step = max(1, len(times) // MOST_POINTS)
     way = " ".join(f"{x(t)},{y(v)}" for t, v in zip(times[::step], values[::step], strict=True))
     parts.append(f"<polyline points='{way}' fill='none' stroke='{CURVE}' stroke-width='2'/>")
-    return svg(WIDE, TALL, parts, said)
+    return svg(width, TALL, parts, said)
 
 
-def _level(value: int, y: float) -> str:
+def _level(value: int, y: float, width: int) -> str:
     return (
-        f"<line x1='{LEFT}' x2='{WIDE - RIGHT}' y1='{y}' y2='{y}' stroke='currentColor' stroke-opacity='.2'/>"
+        f"<line x1='{LEFT}' x2='{width - RIGHT}' y1='{y}' y2='{y}' stroke='currentColor' stroke-opacity='.2'/>"
         f"<text x='{LEFT - 6}' y='{y + 4}' text-anchor='end'>{10.0**value:g}</text>"
     )
 

@@ -14,6 +14,7 @@ from swarmer.observe.moves import Move
 SCENARIO = Path(__file__).resolve().parent.parent / "tests" / "scenarios" / "pair_lower_anchors.txt"
 FOLLOWED = "swarmer-run --engine virtual --shape butterfly --duration 5 --trace"
 THAWED = "swarmer-run --engine virtual --shape dragon --points 200 --duration 20"
+WIDTH = 480  # of the curve
 MIDDLE = 0.35  # of the display that a swarm has when its move is shown
 
 
@@ -76,6 +77,7 @@ def thaw() -> str:
         marks,
         "HD falls by a step after each thaw",
         end_s=min(20.0, 1.2 * thaws[-1]),
+        width=WIDTH,
     )
     return _figure(
         drawing,

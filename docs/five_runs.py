@@ -11,7 +11,7 @@ from small_runs import Drawn, made
 from swarmer.observe.saved_run import SavedTimeline
 from swarmer.observe.words import cells
 
-FAILED = "#c2438a"
+FAILED = "#d8579f"
 STYLE = """<style>
 .five { display: grid; gap: .4rem .8rem; grid-template-columns: repeat(auto-fit, minmax(10rem, 1fr)); }
 .five figure { margin: 0; max-width: none; width: auto; }
@@ -52,8 +52,8 @@ RUNS = (
     ),
     Shown(
         "FLSs that fail",
-        f"{SHARED} --set failure.rate=0.005",
-        "Each FLS fails about once in 200 seconds (pink) and another takes its place, by dead reckoning, so it lands "
+        f"{SHARED} --set failure.rate=0.001",
+        "Each FLS fails about once in 1000 seconds (pink) and another takes its place, by dead reckoning, so it lands "
         "beside it. HD jumps to the newcomer's error, until that has joined its neighbours' swarm.",
     ),
     Shown(

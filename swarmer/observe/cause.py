@@ -102,7 +102,7 @@ def _landing(change: Change, log: Moves) -> str:
 
 def _flew(move: Move, worst: Off, many: bool, rise: Rise, log: Moves) -> str:
     flight = next(flight for flight in move.flights if flight.fid == worst.fid)
-    against = f" against FLS {move.anchor}" if move.anchor else ""
+    against = _against(move, rise)
     way = "" if flight.until_s <= rise.to_s else f", still on the way at {rise.to_s:.2f} s"
     if worst.fid == move.localizer and not many:
         return f"it localized{against} at {move.t_s:.4f} s and flew {cells(flight.cells)} cells{way} [{move.message}]."
@@ -110,6 +110,14 @@ def _flew(move: Move, worst: Off, many: bool, rise: Rise, log: Moves) -> str:
         f"{'they' if many else 'it'} flew {cells(flight.cells)} cells{way}, the vector of FLS {move.localizer}, which "
         f"localized{against} at {move.t_s:.4f} s [{move.message}]."
     )
+
+
+def _against(move: Move, rise: Rise) -> str:
+    """The anchor, and how far it was off itself: whoever localizes against it gets the same error, and its own."""
+    if not 1 <= move.anchor <= len(rise.before_by_fls):
+        return ""
+    off = float(rise.before_by_fls[move.anchor - 1])
+    return f" against FLS {move.anchor}" + (f", {cells(off)} cells off itself," if off == off else "")
 
 
 def _others(move: Move, offs: list[Off]) -> list[str]:

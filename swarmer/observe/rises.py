@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swarmer.metrics.hausdorff import HausdorffMeter
 from swarmer.observe.saved_run import SavedTimeline
@@ -12,7 +13,7 @@ from swarmer.observe.saved_run import SavedTimeline
 LEAST_FACTOR = 1.05  # HD grew by more than a twentieth
 SMALLEST_CELLS = 1e-4  # an HD below counts as this one: nothing to see, and no factor is infinite
 MOST = 12  # moments that are told
-MOST_OFF = 12  # FLSs that are named for a moment
+MOST_OFF = 60  # FLSs that are looked at for a moment
 LEAST_SHARE = 0.5  # of a rise, that an FLS must have to be named
 
 
@@ -33,8 +34,8 @@ class Rise(NamedTuple):
     before_cells: float
     after_cells: float
     off: tuple[Off, ...]  # the farthest first
-    off_in_all: int
     moved: int  # FLSs that are not where they were
+    before_by_fls: NDArray[np.float64]  # (F,), what each added to HD before; NaN while dark
 
     @property
     def factor(self) -> float:
@@ -91,4 +92,4 @@ def _rise(timeline: SavedTimeline, meter: HausdorffMeter, start: int, end: int) 
     )
     moved = int((np.nan_to_num(flown) > SMALLEST_CELLS).sum())
     times = float(timeline.t_s[start]), float(timeline.t_s[end])
-    return Rise(*times, hd_before, hd_after, off, len(rows), moved)
+    return Rise(*times, hd_before, hd_after, off, moved, before)

@@ -149,8 +149,8 @@ def test_the_words_for_a_rise():
     cause = cause_of(rise, gathered(*STORY))
     text = " ".join(cause.sentences)
     assert (
-        "FLS 2 is 0.675 cells off (0 before): it localized against FLS 1 at 0.0300 s and flew 0.900 cells"
-        in text
+        "FLS 2 is 0.675 cells off (0 before): it localized against FLS 1, 0 cells off itself, at 0.0300 s and flew "
+        "0.900 cells" in text
     )
     assert "FLS 4 is 0.525 cells off" in text
     assert "did not fly the vector of FLS 2 [2.0#5]: lost at the receiver." in text
