@@ -131,7 +131,11 @@ def test_the_experiments_that_ship_can_be_run():
         if name != "scale_million":  # a minute and a gigabyte to plan
             check_plans(runs, experiment.file)
         engines = {run.config.engine for run in runs}
-        assert engines == {"process", "virtual"} if name == "two_engines" else engines in ({"virtual"}, {"rounds"})
+        assert (
+            engines == {"process", "virtual"}
+            if name == "two_engines"
+            else engines in ({"virtual"}, {"rounds"})
+        )
 
 
 def refused(monkeypatch, capsys, *arguments):
