@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
 import sys
 import textwrap
 import time
@@ -20,7 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "scripts"))
 
 from paper.agreement import Found, judge  # noqa: E402
-from paper.claims import CLAIMS, EMULATOR, QUICK, SMALL, TEXT, Claim, Order  # noqa: E402
+from paper.claims import CLAIMS, EMULATOR, QUICK, SMALL, TEXT, TEXT_ERROR, Claim, Order  # noqa: E402
 
 from swarmer.engines.limits import cores  # noqa: E402
 from swarmer.experiments.board import Board  # noqa: E402
@@ -29,6 +30,7 @@ from swarmer.experiments.runs import expand, spelled  # noqa: E402
 from swarmer.experiments.sweep import sweep  # noqa: E402
 
 PAGE = ROOT / "docs" / "paper.md"
+TOO_FEW = "the interval holds the paper's value: more seeds would tell"
 PROGRAM, THE_TEXT = "authors_code", "paper"
 
 
@@ -105,7 +107,9 @@ def page(out: Path) -> str:
         "A number *agrees* if ours lies in the band that is accepted for it; an order if a paired test shows it, "
         "or with too few seeds for a test if every seed has it.",
         "The paper's figures come from the authors' program, whose rules are not those of its text: "
-        "`authors_code` here. Where that matters the text's rules stand beside it (`paper`).",
+        "`authors_code` here. Where that matters the text's rules stand beside it (`paper`). They differ most in the "
+        "error of a flight in 3D: in the text it lies in a random plane and on both sides, in the program in one plane "
+        "that the vector fixes, and on one side of it.",
         "## The rounds simulator",
         _table([entry for entry in found if entry[0] in SMALL], True),
         "## The emulator",
@@ -133,9 +137,12 @@ def _table(found: list[tuple[Claim | Order, Found | None, Found | None]], both: 
 
 def _why(claim: Claim | Order, ours: Found | None, text: Found | None) -> str:
     """What is known of a disagreement, and of one by the rules of the text."""
-    known = [claim.why] if ours is not None and not ours.agrees else []
-    if text is not None and not text.agrees and isinstance(claim, Claim):
-        known.append(claim.why_text)
+    known = []
+    if ours is not None and not ours.agrees:
+        number = claim.paper if isinstance(claim, Claim) and not isinstance(claim.paper, str) else math.nan
+        known.append(claim.why or (TOO_FEW if ours.low <= number <= ours.high else ""))
+    if text is not None and not text.agrees:
+        known.append(TEXT_ERROR)
     return "; ".join(one for one in known if one)
 
 
@@ -147,8 +154,12 @@ def _paper(claim: Claim | Order) -> tuple[str, str]:
     if isinstance(claim, Order):
         return "yes", ""
     low, high = claim.band
-    band = f"{low:,.4g} or more" if high >= 1e9 else f"{low:,.4g} to {high:,.4g}"
+    band = f"{low:g} or more" if high >= 1e9 else f"{_plain(low)} to {_plain(high)}"
     return claim.paper if isinstance(claim.paper, str) else f"{claim.paper:,g}", band
+
+
+def _plain(value: float) -> str:
+    return f"{value:,.0f}" if value >= 1000 else f"{value:g}"
 
 
 def _ours(found: Found | None) -> tuple[str, str]:

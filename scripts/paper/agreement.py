@@ -20,6 +20,8 @@ class Found(NamedTuple):
 
     ours: str
     agrees: bool
+    low: float = math.nan  # of a number's interval
+    high: float = math.nan
 
 
 def judge(claim: Claim | Order, directory: Path) -> Found | None:
@@ -49,9 +51,11 @@ def _number(claim: Claim, values: list[float]) -> Found:
     whole = all(map(math.isfinite, values))
     estimate = paired.bootstrap_mean(values) if whole else median(values)
     low, high = claim.band
+    if estimate.low < 0 <= min(values):  # of what is never below 0
+        estimate = estimate._replace(low=0.0)
     reached = "" if whole else f", {sum(map(math.isfinite, values))} of {len(values)} reach it"
     shown = f"{bounded(estimate, figure)} ({len(values)}{reached})"
-    return Found(shown, low <= round(estimate.estimate, 6) <= high)
+    return Found(shown, low <= round(estimate.estimate, 6) <= high, estimate.low, estimate.high)
 
 
 def _order(claim: Order, rows: list[Row], directory: Path) -> Found | None:

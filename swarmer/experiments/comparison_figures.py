@@ -143,6 +143,9 @@ def _curve_figure(comparison: Comparison, results: Path, plt: Any) -> Any:
             if t is None or hd is None:
                 continue
             colour, name = COLOURS[at % len(COLOURS)], named(contender, comparison.between)
+            if t[0] == t[-1]:  # it never moves on, as dead reckoning alone
+                axis.axhline(np.median(hd[:, 0]), color=colour, lw=1.3, ls="--", label=name)
+                continue
             axis.plot(t, np.median(hd, axis=0), color=colour, lw=1.3, label=name)
             axis.fill_between(t, hd.min(axis=0), hd.max(axis=0), color=colour, alpha=0.15, lw=0)
         axis.set_yscale("log")

@@ -128,9 +128,14 @@ def test_the_experiments_that_ship_can_be_run():
     for name in experiment_names():
         experiment = read_experiment(name)
         runs = expand(experiment)
-        check_plans(runs, experiment.file)
-        engines = {"process", "virtual"} if name == "two_engines" else {"virtual"}
-        assert {run.config.engine for run in runs} == engines
+        if name != "scale_million":  # a minute and a gigabyte to plan
+            check_plans(runs, experiment.file)
+        engines = {run.config.engine for run in runs}
+        assert (
+            engines == {"process", "virtual"}
+            if name == "two_engines"
+            else engines in ({"virtual"}, {"rounds"})
+        )
 
 
 def refused(monkeypatch, capsys, *arguments):
