@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from swarmer.messages import SIZE, Kind
 from swarmer.metrics.hausdorff import HausdorffMeter
+from swarmer.next_shape import standing_at
 from swarmer.observe.palette import STATES
 from swarmer.observe.progress import LIT_MIN
 from swarmer.observe.report_drawing import Clock, clock_of
@@ -92,13 +93,17 @@ class RunData:
             return self.t[shown], known[shown]
         count = min(len(self.t), max(READINGS_MIN, READINGS_MAX // max(self.points, 1)))
         at = np.unique(np.linspace(0, len(self.t) - 1, count).round().astype(np.int64))
-        meter = HausdorffMeter(self.timeline.truth)
-        readable = [i for i in at if self.timeline.lit[i].sum() >= LIT_MIN]
-        values = [
-            meter.absolute(self.timeline.position[i].astype(np.float64), self.timeline.lit[i])
-            for i in readable
-        ]
-        return self.t[readable], np.array(values, dtype=np.float64)
+        shapes = self.timeline.standings()
+        meters = {one.from_s: HausdorffMeter(one.truth[one.member]) for one in shapes}
+        moments, values = [], []
+        for i in at:
+            t_s, lit = float(self.t[i]), self.timeline.lit[i]
+            shape = standing_at(shapes, t_s)
+            if (lit & shape.member).sum() >= LIT_MIN:
+                position = self.timeline.position[i].astype(np.float64)
+                moments.append(t_s)
+                values.append(meters[shape.from_s].absolute(position[shape.member], lit[shape.member]))
+        return np.array(moments, dtype=np.float64), np.array(values, dtype=np.float64)
 
     @cached_property
     def sizes(self) -> list[NDArray[np.int64]]:

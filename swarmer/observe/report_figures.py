@@ -375,7 +375,7 @@ def first_all_lit(timeline: SavedTimeline) -> int:
 
 
 def _cloud(axes: Axes, timeline: SavedTimeline, at: int) -> None:
-    truth = timeline.truth
+    truth = timeline.truth_at(float(timeline.t_s[at]))
     view = usual_view(2 if np.ptp(truth[:, 2]) == 0 else 3)
     lit = timeline.lit[at]
     pixels = len(truth) > VECTOR_POINTS
@@ -384,7 +384,7 @@ def _cloud(axes: Axes, timeline: SavedTimeline, at: int) -> None:
     axes.scatter(seen[:, 0], seen[:, 1], s=0.5 * size, color=FAINT, linewidths=0, rasterized=pixels)
     where = seen_from(timeline.position[at].astype(float), view)[lit]
     order = np.argsort(where[:, 2])
-    colours = Palette(len(truth)).colours(timeline.swarm[at], lit)[lit] / 255.0
+    colours = Palette(len(timeline.truth)).colours(timeline.swarm[at], lit)[lit] / 255.0
     axes.scatter(where[order, 0], where[order, 1], s=size, c=colours[order], linewidths=0, rasterized=pixels)
     axes.set_aspect("equal")
     axes.set_axis_off()

@@ -85,6 +85,7 @@ def _facts(run: SavedRun, timeline: SavedTimeline, packed: Packed) -> dict[str, 
         "low": packed.low.tolist(), "step": packed.step, "centre": ((low + high) / 2).tolist(), "radius": radius,
         "spacing": _spacing(truth), "view": list(view),
         "calm": list(CALM), "dark": list(DARK),
+        "shapes": [one.from_s for one in timeline.standings()],
         "vivid": _base64(swarm_colours(names)), "pale": _base64(swarm_colours(names, PALE)),
     }  # fmt: skip
 
@@ -113,16 +114,19 @@ def pack(timeline: SavedTimeline, bytes_max: int = BYTES_MAX) -> Packed:
 
 
 def _packed(timeline: SavedTimeline, at: NDArray[np.int64], rows: NDArray[np.int64]) -> Packed:
-    truth = timeline.truth[rows]
+    shapes = timeline.standings()
+    truth = np.stack([one.truth[rows] for one in shapes])  # (K, F, 3)
     position = timeline.position[at][:, rows].astype(np.float64)
-    low = np.minimum(position.min(axis=(0, 1)), truth.min(axis=0))
-    high = np.maximum(position.max(axis=(0, 1)), truth.max(axis=0))
+    low = np.minimum(position.min(axis=(0, 1)), truth.min(axis=(0, 1)))
+    high = np.maximum(position.max(axis=(0, 1)), truth.max(axis=(0, 1)))
     step = max(float((high - low).max()) / LARGEST, STEP_CELLS)
-    values = np.empty((len(at) + 1, 4, len(rows)), dtype=np.uint16)
-    values[0, :3], values[0, 3] = np.rint((truth - low) / step).T, 0
-    values[1:, :3] = np.rint((position - low) / step).transpose(0, 2, 1)
+    first = len(shapes)  # of the frames behind the points of the shapes
+    values = np.empty((len(at) + first, 4, len(rows)), dtype=np.uint16)
+    values[:first, :3] = np.rint((truth - low) / step).transpose(0, 2, 1)
+    values[:first, 3] = [one.member[rows] for one in shapes]
+    values[first:, :3] = np.rint((position - low) / step).transpose(0, 2, 1)
     swarm = timeline.swarm[at][:, rows].astype(np.int64)
-    values[1:, 3] = np.where(timeline.lit[at][:, rows] & (swarm > 0), (swarm - 1) % LARGEST + 1, 0)
+    values[first:, 3] = np.where(timeline.lit[at][:, rows] & (swarm > 0), (swarm - 1) % LARGEST + 1, 0)
     values[1:] = np.diff(values, axis=0)  # unsigned: it wraps, and so does the sum in the page
     octets = np.ascontiguousarray(values).astype("<u2").view(np.uint8).reshape(-1, 2).T
     data = base64.b64encode(zlib.compress(np.ascontiguousarray(octets).tobytes(), 6)).decode()

@@ -9,7 +9,9 @@
   const moved = figure.querySelector("[type=checkbox]"), speed = figure.querySelector("select"), words = figure.querySelector("output");
   const facts = JSON.parse(document.getElementById("scene-facts").textContent);
   const bytes = (text) => Uint8Array.from(atob(text.trim()), (c) => c.charCodeAt(0));
-  const { times, hd, swarms, lit, points: F } = facts, N = times.length;
+  const { times, hd, swarms, lit, points: F, shapes } = facts, N = times.length, K = shapes.length;
+  const frame = (n) => 4 * F * (n + K); // where a frame begins; before them come the points of the K shapes
+  const shapeAt = (t) => { let k = 0; while (k + 1 < K && shapes[k + 1] <= t) k++; return k - K; }; // as a frame
 
   const unpacked = async () => {
     const stream = new Blob([bytes(document.getElementById("scene-data").textContent)]).stream();
@@ -49,7 +51,7 @@
   };
   const place = new Float32Array(3 * F), order = new Uint32Array(F);
   const put = (one, other, share, shift) => { // where everybody is between two frames
-    const a = 4 * F * (one + 1), b = 4 * F * (other + 1), [sx, sy, sz] = facts.low, step = facts.step;
+    const a = frame(one), b = frame(other), [sx, sy, sz] = facts.low, step = facts.step;
     for (let i = 0; i < F; i++) {
       const at = (k) => data[a + k * F + i] + (data[b + k * F + i] - data[a + k * F + i]) * share + shift[k];
       turned(sx + step * at(0) - centre[0], sy + step * at(1) - centre[1], sz + step * at(2) - centre[2], place, 3 * i);
@@ -57,14 +59,14 @@
   };
   const still = [0, 0, 0];
   const offset = (one, other, share) => { // the mean error of who is lit: what HD moves the display by; in steps
-    const a = 4 * F * (one + 1), b = 4 * F * (other + 1), sum = [0, 0, 0];
+    const a = frame(one), b = frame(other), home = frame(shapeAt(now)), sum = [0, 0, 0];
     let count = 0;
     for (let i = 0; i < F; i++) {
-      if (!data[a + 3 * F + i]) continue;
+      if (!data[a + 3 * F + i] || !data[home + 3 * F + i]) continue;
       count++;
       for (let k = 0; k < 3; k++) {
         const at = data[a + k * F + i];
-        sum[k] += data[k * F + i] - at - (data[b + k * F + i] - at) * share;
+        sum[k] += data[home + k * F + i] - at - (data[b + k * F + i] - at) * share;
       }
     }
     return sum.map((total) => total / Math.max(count, 1));
@@ -87,14 +89,15 @@
       if (size < 1.5) { pen.fillRect(x - size, y - size, 2 * size, 2 * size); return; }
       pen.beginPath(); pen.arc(x, y, size, 0, 7); pen.fill();
     };
-    put(-1, -1, 0, still); // ground truth
-    for (let i = 0; i < F; i++) spot(i, 0.45 * dot, "#4b5568");
+    const home = shapeAt(now), belongs = frame(home) + 3 * F;
+    put(home, home, 0, still); // ground truth
+    for (let i = 0; i < F; i++) if (data[belongs + i]) spot(i, 0.45 * dot, "#4b5568");
     const one = frameAt(now), other = Math.min(one + 1, N - 1);
     const share = other > one ? Math.min(1, Math.max(0, (now - times[one]) / (times[other] - times[one]))) : 0;
     put(one, other, share, moved.checked ? offset(one, other, share) : still);
     for (let i = 0; i < F; i++) order[i] = i;
     order.sort((i, j) => place[3 * i + 2] - place[3 * j + 2]);
-    const colours = 4 * F * (one + 1) + 3 * F, last = 4 * F * Math.max(one, 1) + 3 * F;
+    const colours = frame(one) + 3 * F, last = frame(Math.max(one - 1, 0)) + 3 * F;
     members.fill(0);
     for (let i = 0; i < F; i++) members[data[colours + i] % vivid.length]++;
     for (const i of order) {
