@@ -1,10 +1,12 @@
 import base64
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from swarmer.observe import timeline as timeline_frame
+from swarmer.observe.report_data import RunData
 from swarmer.observe.report_scene import BYTES_MAX, FRAMES_MIN, pack, scene_part
 from swarmer.observe.saved_run import SavedRun, SavedTimeline, load
 
@@ -70,6 +72,22 @@ def test_more_swarms_than_fit_in_two_bytes_keep_their_light():
     timeline.swarm[:] = 65_536
     timeline.lit[:] = True
     assert unpack(pack(timeline), 4)[1:, 3].all()
+
+
+def test_a_run_of_two_shapes_has_the_points_of_both():
+    timeline = moving(6, 5)
+    timeline.truth_at_s = np.array([0.0, 0.3])
+    timeline.truths = np.stack([timeline.truth, timeline.truth + 7.0])
+    timeline.truths[1, 4] = np.nan  # it has no point in the second
+    packed = pack(timeline)
+    values = unpack(packed, 5)
+    assert len(values) == 2 + 6
+    assert values[:2, 3].tolist() == [[1] * 5, [1] * 4 + [0]]
+    place = packed.low[:, None] + packed.step * values[:2, :3]
+    np.testing.assert_allclose(place[1].T[:4], timeline.truth[:4] + 7.0, atol=packed.step)
+    moments, absolute = RunData(SavedRun(Path(), timeline=timeline), timeline).hd_absolute
+    assert moments.tolist() == timeline.t_s.tolist()
+    assert absolute[:3].max() < 6 < absolute[3:].min(), "nobody has flown to the second shape"
 
 
 @pytest.mark.parametrize("points", [1, 2])
