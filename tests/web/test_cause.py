@@ -49,7 +49,7 @@ def test_a_moment_is_chosen_on_the_curve_by_keyboard(page):
     assert page.locator("#rise-2").get_attribute("open") is None
     page.locator("#curve a[href='#rise-2']").focus()
     page.keyboard.press("Enter")
-    page.wait_for_function("document.querySelector('#rise-2').open")
+    page.locator("#rise-2[open]").wait_for()
 
 
 def test_an_fls_and_seconds_are_chosen_by_keyboard(page):
