@@ -172,7 +172,7 @@ def test_a_file_is_found_again_from_every_directory(helix_run, capsys):
     assert "the same run" in capsys.readouterr().out
     settings = load_config(str(run / "config.yaml"))
     assert settings.shape == str(file)
-    assert run_command.run(settings, run.parent / "anew", False, False, str(run / "config.yaml")) == 0
+    assert run_command.run(settings, run.parent / "anew", None, False, str(run / "config.yaml")) == 0
     assert "note" not in capsys.readouterr().err
 
 
@@ -182,10 +182,10 @@ def test_a_file_with_other_points_is_told(helix_run, capsys):
     with pytest.raises(BadInput, match=r"its shape as it was: .*helix.xyz has other points by now"):
         run_again(run)
     source = str(run / "config.yaml")
-    assert run_command.run(load_config(source), run.parent / "anew", False, False, source) == 0
+    assert run_command.run(load_config(source), run.parent / "anew", None, False, source) == 0
     told = capsys.readouterr().err
     assert f"note: not the shape of the run in {run}: {file} has other points by now" in told
-    assert run_command.run(load_config(source, ["seed=7"]), run.parent / "other", False, False, source) == 0
+    assert run_command.run(load_config(source, ["seed=7"]), run.parent / "other", None, False, source) == 0
     assert "note" not in capsys.readouterr().err  # other settings may have other points
 
 
