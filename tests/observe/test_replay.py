@@ -116,7 +116,8 @@ def test_the_desktop_viewer_ends_with_the_command(finished_run, tmp_path):
     for number, status in ((signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)):
         with subprocess.Popen(
             [sys.executable, "-c", code],
-            env={**os.environ, "DISPLAY": ":99"}, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            env={**os.environ, "DISPLAY": ":99", "TMPDIR": str(tmp_path)},
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         ) as process:  # fmt: skip
             wait_for(lambda: (tmp_path / "pid").exists() or process.poll() is not None)

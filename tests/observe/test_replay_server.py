@@ -107,7 +107,7 @@ def test_a_program_that_serves_no_viewer_is_told(monkeypatch):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("cut", [False, True])
 def test_it_ends_without_a_trace(finished_run, tmp_path, number, cut):
-    """No process and no temporary file; of a cut recording a mended copy was served."""
+    """No process and no temporary file; what was served was put together in one, of a cut recording what is whole."""
     run, room = shutil.copytree(finished_run, tmp_path / "run"), tmp_path / "room"
     room.mkdir()
     if cut:
@@ -120,11 +120,13 @@ def test_it_ends_without_a_trace(finished_run, tmp_path, number, cut):
         env={**os.environ, "TMPDIR": str(room)},
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     ) as process:  # fmt: skip
-        line = process.stdout.readline()
-        assert re.fullmatch(r"open http://127.0.0.1:\d+/\n", line)
-        assert len(list(room.iterdir())) == cut
-        process.send_signal(number)
-        _, err = process.communicate(timeout=PATIENCE_S)
+        try:
+            assert re.fullmatch(r"open http://127.0.0.1:\d+/\n", process.stdout.readline())
+            assert len(list(room.iterdir())) == 1
+            process.send_signal(number)
+            _, err = process.communicate(timeout=PATIENCE_S)
+        finally:
+            process.kill()
     assert process.returncode == (0 if number == signal.SIGINT else 143)
     assert ("this is what is whole" in err) == cut
     assert "Traceback" not in err

@@ -36,11 +36,14 @@ def address(run):
         [sys.executable, "-m", "swarmer", "replay", "--web", str(run)],
         stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True,
     ) as server:  # fmt: skip
-        line = server.stdout.readline()
-        assert line.startswith("open http://127.0.0.1:"), line
-        yield line.split()[1]
-        server.send_signal(signal.SIGTERM)
-        server.wait(30)
+        try:
+            line = server.stdout.readline()
+            assert line.startswith("open http://127.0.0.1:"), line
+            yield line.split()[1]
+            server.send_signal(signal.SIGTERM)
+            server.wait(30)
+        finally:
+            server.kill()
     with pytest.raises(ProcessLookupError):
         os.killpg(server.pid, 0)
 
