@@ -35,7 +35,11 @@ def told(what, sweep, *more):
 
 
 def test_the_map_of_loss(tmp_path):
-    sweep = swept(tmp_path, BASE % 4 + "grid: {radio.loss: [0, 0.2], lambda_ms: [200, 500]}\nseeds: 2\n")
+    sweep = swept(
+        tmp_path,
+        BASE.replace(", lambda_ms: 200", "") % 4
+        + "grid: {radio.loss: [0, 0.2], lambda_ms: [200, 500]}\nseeds: 2\n",
+    )
     lines = told("map", sweep, "--picture", tmp_path / "map.png")
     assert lines[0] == ["loss", "λ 200 ms", "λ 500 ms"]
     assert [line[0] for line in lines[2:]] == ["0 %", "20 %"]
@@ -63,7 +67,7 @@ def test_a_partition(tmp_path):
     parted, healed = (cell.split(" (") for cell in line[2:])
     assert parted[1] == healed[1] == "2/2)"
     assert 0 < float(parted[0].split()[0]) < 5
-    assert 0 < float(healed[0].split()[0]) < 3
+    assert 0 <= float(healed[0].split()[0]) < 3
 
 
 def test_who_is_in_a_swarm_with_another():
