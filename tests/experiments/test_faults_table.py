@@ -67,7 +67,7 @@ def test_a_partition(tmp_path):
     parted, healed = (cell.split(" (") for cell in line[2:])
     assert parted[1] == healed[1] == "2/2)"
     assert 0 < float(parted[0].split()[0]) < 5
-    assert 0 <= float(healed[0].split()[0]) < 3
+    assert 0 < float(healed[0].split()[0]) < 3
 
 
 def test_who_is_in_a_swarm_with_another():
