@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -195,37 +194,45 @@ def _shared(swarm: NDArray[Any], lit: Flags) -> Flags:
 
 
 def partition(cells: Cells, sweep: Path) -> str:
-    """A row for each policy: after how long each part was one swarm, and, healed, all."""
-    titles = [POLICY, "runs", "each part one swarm after, s", "healed: one swarm after, s"]
+    """A row for each policy: after how long each part was one swarm, apart from the others; and, healed, all."""
+    titles = [POLICY, "runs", "parts apart, each one swarm, after, s", "healed: one swarm after, s"]
     lines = []
     for rows in cells.values():
         times = [parted_and_healed(load(sweep / row[RUN])) for row in rows]
-        shown: list[Callable[[float], str]] = [lambda t_s: "never" if t_s == NEVER else f"{t_s:.1f}"] * 2
-        figures = [
-            bounded(median([time[at] for time in times]), shown[at])
-            + f" ({sum(time[at] < NEVER for time in times)}/{len(times)})"
-            for at in (0, 1)
-        ]
-        lines.append([f"`{rows[0].get(POLICY, '')}`", str(len(rows)), *figures])
+        lines.append(
+            [
+                f"`{rows[0].get(POLICY, '')}`",
+                str(len(rows)),
+                *(_times(list(its)) for its in zip(*times, strict=True)),
+            ]
+        )
     return table(titles, lines)
 
 
+def _times(times: list[float]) -> str:
+    """The median, its interval, and how many ever got there."""
+    shown = bounded(median(times), lambda t_s: "never" if t_s == NEVER else f"{t_s:.2f}")
+    return f"{shown} ({sum(time < NEVER for time in times)}/{len(times)})"
+
+
 def parted_and_healed(run: SavedRun) -> tuple[float, float]:
-    """Seconds from the beginning of its partition until each part was one swarm; and from its end until all were."""
+    """Seconds from the beginning of its partition until each part was one swarm and no other part's; and from its end
+    until all were one.
+    """
     timeline = _timeline(run)
     fault = next(row for row in run.config["faults"]["schedule"] if row["what"] == PARTITION)
     points = timeline.truth.tolist()
     parts = slabs(points, fault.get("parts", 2), fault.get("axis") or longest_axis(points))
     begins, ends = fault["at"], fault["at"] + fault["for"]
-    each = [
-        t_s - begins for t_s, swarm, lit in zip(timeline.t_s, timeline.swarm, timeline.lit, strict=True)
-        if begins <= t_s < ends and lit.all() and all(len(set(swarm[part].tolist())) == 1 for part in parts)
-    ]  # fmt: skip
-    whole = [
-        t_s - ends for t_s, swarm, lit in zip(timeline.t_s, timeline.swarm, timeline.lit, strict=True)
-        if t_s >= ends and lit.all() and len(set(swarm.tolist())) == 1
-    ]  # fmt: skip
-    return float(min(each, default=NEVER)), float(min(whole, default=NEVER))
+    apart = healed = NEVER
+    for t_s, swarm, lit in zip(timeline.t_s, timeline.swarm, timeline.lit, strict=True):
+        names = [set(swarm[part].tolist()) for part in parts]
+        single = bool(lit.all()) and all(len(name) == 1 for name in names)
+        if begins <= t_s < ends and single and len(set.union(*names)) == len(parts):
+            apart = min(apart, float(t_s - begins))
+        if t_s > ends and single and len(set.union(*names)) == 1:
+            healed = min(healed, float(t_s - ends))
+    return apart, healed
 
 
 def _timeline(run: SavedRun) -> Any:

@@ -108,7 +108,7 @@ def test_an_fls_is_the_one_that_a_process_has():
         "take_message",
         "perform",
         "take_due",
-        "_fly",
+        "_fly_legs",
         "_measure",
         "send",
         "_send_by_chance",

@@ -66,7 +66,7 @@ def test_only_fins_are_lost(tmp_path):
 
 def test_bursts_and_dead_links(tmp_path):
     settings = ["--set", "radio.loss=0.2", "--set", "radio.burst=10", "--set", "radio.dead_links=0.1"]
-    summary = small(tmp_path, *settings, *OFF, duration=8)
+    summary = small(tmp_path, *settings, *OFF, duration=6)
     share = summary["datagrams_lost"] / (summary["datagrams_lost"] + summary["datagrams_delivered"])
     assert 0.15 < share < 0.75
     assert summary["first_single_swarm_s"] is not None
@@ -98,7 +98,7 @@ def state(pid):
 
 def test_who_hangs_too_long_is_killed_and_replaced(tmp_path):
     text = "faults:\n- {at: 1.5, what: hang, where: [3, 4]}\n"
-    summary = with_faults(tmp_path, text, *OFF, "--set", "failure.hang_s=1", duration=8)
+    summary = with_faults(tmp_path, text, *OFF, "--set", "failure.hang_s=1", duration=6)
     assert [(kind, fid) for kind, fid in told(summary) if kind in ("failure", "replacement")] in (
         [("failure", 3), ("replacement", 3), ("failure", 4), ("replacement", 4)],
         [("failure", 4), ("replacement", 4), ("failure", 3), ("replacement", 3)],
@@ -136,10 +136,3 @@ def test_stopped_processes_end_with_their_run(tmp_path, how):
     process.communicate(timeout=30)
     wait_for(lambda: gone([*flss, dispatcher]), 5)
     assert not children(process.pid)
-
-
-def test_failures_by_rate_are_no_crashes(tmp_path):
-    summary = small(tmp_path, "--set", "failure.rate=0.1", *OFF, points=20, duration=6)
-    assert summary["failures"] == summary["replacements"] >= 3
-    assert not [kind for kind, _ in told(summary) if kind == "crash"]
-    assert summary["status"] == "done"

@@ -132,10 +132,11 @@ def test_a_region_dies_and_comes_back():
 
 
 def test_what_a_predecessor_sent_changes_nothing():
-    """Datagrams take half a second, so those of the dead come long after their successor's first ones."""
+    """Datagrams take up to 0.6 s and flights less, so those of the dead come after their successor's first ones."""
     fids = tuple(range(1, 31, 3))
     slow = {"radio.delay_ms": 300.0, "radio.jitter_ms": 300.0, "lease_ms": 2000.0, "lambda_ms": 200.0}
-    one = story(Fault(1.5, "kill", fids, 0.01), duration_s=4.0, **slow, **{"deploy.start": "random"})
+    fast = {f"flight.{name}": 1000 for name in ("speed_m_s", "acceleration_m_s2", "braking_m_s2")}
+    one = story(Fault(1.5, "kill", fids, 0.01), duration_s=4.0, **slow, **fast)
     newest = {}
     for _, fid, event, _ in one.log.events:
         if type(event) is Received:

@@ -107,7 +107,7 @@ def test_a_failing_schedule_is_shrunk_to_what_it_needs(monkeypatch):
 
 
 def test_every_invariant_had_something_to_look_at():
-    seen = sum((play(draw(seed)).seen for seed in range(1, 17)), Counter())
+    seen = sum((play(draw(seed)).seen for seed in range(1, 25)), Counter())
     rare = {invariant.name for invariant in INVARIANTS if seen[invariant.name] < 10}
     assert rare <= {"L1", "L5"}
     assert seen["L1"] + seen["L5"] >= 5

@@ -201,6 +201,9 @@ class Onlooker:
     def go(self, launch_s: float) -> None:
         pass
 
+    def beat(self, t_s: float) -> None:
+        pass
+
     def sample(self, snapshot: Any) -> bool:
         if self.checks is None:
             return False
