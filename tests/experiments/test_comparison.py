@@ -16,6 +16,7 @@ from swarmer.experiments.experiment import FACTS
 from swarmer.experiments.runs import expand
 from swarmer.experiments.verdicts import markdown, method_lines, pairs_csv, statements, table_rows
 
+pytestmark = pytest.mark.timeout(300)  # whole commands, on a busy machine
 HEAD = "shape,technique,seed,status,hd_cells,time_to_hd_s.0.09,distance_cells_mean,message,run\n"
 COMPARE = "from swarmer import cli; import sys; sys.argv[0] = 'swarmer'; cli.main()"
 
@@ -206,7 +207,7 @@ def test_what_cannot_be_compared_is_refused(options, said):
 def compared(*arguments, cwd, status=0):
     process = subprocess.run(
         [sys.executable, "-c", COMPARE, "compare", *map(str, arguments)],
-        cwd=cwd, capture_output=True, text=True, timeout=110,
+        cwd=cwd, capture_output=True, text=True, timeout=250,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )  # fmt: skip
     assert process.returncode == status, process.stderr
@@ -268,7 +269,7 @@ def test_a_technique_that_fails_on_some_runs_is_told_and_the_rest_compared(tmp_p
     process = subprocess.run(
         [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(home)!r}); {COMPARE}", "compare", *SMALL,
          "--technique", "signal_strength", "--technique", "odd", "--seeds", "2", "--out", "o"],
-        cwd=tmp_path, capture_output=True, text=True, timeout=110,
+        cwd=tmp_path, capture_output=True, text=True, timeout=250,
     )  # fmt: skip
     assert process.returncode == 1, process.stderr
     assert "Traceback" not in process.stderr
