@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from swarmer.fls import BATTERY, LANDING, BaseFls
+from swarmer.fls import BATTERY, LANDING, NEVER, BaseFls
 from swarmer.messages import NO_SWARM, Vec3
 from swarmer.physics.battery import Battery
 from swarmer.standbys import handover_s
@@ -22,6 +22,11 @@ class ChargedFls(BaseFls):
             used = self.own_stream("battery").uniform(0.0, 1.0 - reserve) if first else 0.0
             self._battery = Battery(flight_s, light_s, reserve, used)
         super().begin()
+
+    def lasts(self) -> None:
+        """From now on its battery lasts for ever."""
+        self._battery = None
+        self.due[BATTERY] = NEVER
 
     def _fly_legs(self, legs: tuple[Vec3, ...], now: float) -> None:
         super()._fly_legs(legs, now)
