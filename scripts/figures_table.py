@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from swarmer.experiments.results import RESULTS
-from swarmer.experiments.tables import Column, Row, bounded, markdown_of, time_shown
+from swarmer.experiments.tables import Column, Row, bounded, markdown_of, mean_shown, time_shown
 from swarmer.metrics import intervals
 
 
@@ -35,6 +35,14 @@ PAGES = {
         Column("absolute HD at the end", "hd_absolute_cells", fine),
     ),
 }
+
+PAGES["standbys"] = (
+    Column("lit, mean", "illumination_mean", fine),
+    Column("lit, least", "illumination_min", fine),
+    Column("fully lit", "fully_lit_share", fine),
+    Column("median HD, cells", "hd_median_cells", fine),
+    Column("departures", "departures", mean_shown),
+)
 
 if __name__ == "__main__":
     try:

@@ -17,6 +17,7 @@ from pydantic import ValidationError
 import swarmer
 from swarmer.config_groups import (
     FAR,
+    Battery,
     Deploy,
     Failure,
     Faults,
@@ -161,6 +162,7 @@ class RunConfig(Group):
     sensing: Sensing = Sensing()
     flight: Flight = Flight()
     deploy: Deploy = Deploy()
+    battery: Battery = Battery()
     oracle: Oracle = Oracle()
     transition: Transition = Transition()
     failure: Failure = Failure()
@@ -304,6 +306,8 @@ def contradictions(config: RunConfig) -> list[str]:
         return [
             f"failure.battery_s: {config.failure.battery_s:g} is too short; 0, or seconds from {BATTERY_S:g}"
         ]
+    if wrong := _battery(config):
+        return [wrong]
     if config.thaw.policy in NEED_EPOCHS and not config.epochs:
         return [
             f"epochs: false is not allowed with thaw.policy: {config.thaw.policy}, whose late reports would count; "
@@ -342,6 +346,24 @@ def _transition(config: RunConfig) -> str:
         )
     if not config.epochs:
         return "epochs: false is not allowed with transition.shape: what the old shape says must be told from the new"
+    return ""
+
+
+def _battery(config: RunConfig) -> str:
+    """What is wrong with batteries and standbys, if anything."""
+    battery = config.battery
+    for name in ("flight_s", "light_s"):
+        if 0 < getattr(battery, name) < BATTERY_S:
+            return (
+                f"battery.{name}: {getattr(battery, name):g} is too short; 0, or seconds from {BATTERY_S:g}"
+            )
+    group = battery.standby_group
+    if group and not (battery.flight_s or battery.light_s):
+        return f"battery.standby_group: {group} waits for nobody without battery.flight_s or battery.light_s"
+    if group and config.transition.shape is not None:
+        return (
+            f"battery.standby_group: {group} is not for a run with transition.shape, whose groups would move"
+        )
     return ""
 
 

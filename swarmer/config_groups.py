@@ -186,6 +186,23 @@ class Deploy(Group):
     )
 
 
+class Battery(Group):
+    """What flying and shining cost an FLS, and who lights its point meanwhile."""
+
+    flight_s: float = number(0, "s", 0, FAR, "flying time of a full battery; 0: flying costs nothing")
+    light_s: float = number(0, "s", 0, FAR, "light time of a full battery; 0: shining costs nothing")
+    reserve: float = number(
+        0.2, "p", 0, 0.9, "an FLS leaves when so much of it is left, and its relief is there"
+    )
+    charge_s: float = number(20, "s", 0, FAR, "time that charging takes, at home")
+    stagger: bool = flag(
+        True, "first batteries are partly used, each by its own draw; else all leave at once"
+    )
+    standby_group: int = whole(
+        0, "", 0, FAR, "points that share one standby, which waits dark in their middle; 0: there are none"
+    )
+
+
 class Oracle(Group):
     """FLSs that know where they are."""
 

@@ -320,7 +320,7 @@ class BaseFls(ABC):
         elif what == MEASURED:
             self._measure()
         elif what == LAUNCH:
-            self.feed(self._landed() if self.spec.starts_lit else Launch(self.spec.origin))
+            self.feed(self._landed() if self.spec.starts_lit else Launch(self.spec.begins_at))
         elif what == BATTERY:
             self.feed(BatteryLow())
         elif what == NEW_SHAPE:

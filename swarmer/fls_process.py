@@ -15,7 +15,8 @@ from time import monotonic
 from typing import NamedTuple
 
 from swarmer.faults import NO_FAULTS, Schedule
-from swarmer.fls import DEPARTED, NEVER, BaseFls
+from swarmer.fls import DEPARTED, NEVER
+from swarmer.fls_battery import ChargedFls
 from swarmer.fls_calm import calm_down
 from swarmer.fls_spec import FlsSpec
 from swarmer.messages import (
@@ -73,7 +74,7 @@ class RunSpec(NamedTuple):
     hang_s: float = 0.0  # emulated seconds without a sign of life until an FLS is given up; 0: never
 
 
-class Fls(BaseFls):
+class Fls(ChargedFls):
     """The two roles over UDP. A loop (`fls_loops`) calls them."""
 
     def __init__(self, run: RunSpec, spec: FlsSpec, shared: SharedMemory) -> None:

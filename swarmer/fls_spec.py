@@ -32,6 +32,9 @@ class FlsSpec(NamedTuple):
     launch_at_s: float
     epoch: int
     start: Vec3 | None = None  # where it is instead, lit as soon as it is launched; who replaces it flies in
+    group: int = 0  # that shares a standby
+    standby: Vec3 | None = None  # where that one waits; None: there is none
+    waits_at: Vec3 | None = None  # a standby that relieves another FLS: where it is launched from
     then: NextSpec | None = None  # what it is in the shape that comes after; None: there is none to come
 
     def changed(self) -> FlsSpec:
@@ -52,7 +55,8 @@ class FlsSpec(NamedTuple):
     @property
     def begins_at(self) -> Vec3:
         """Where it is before its launch."""
-        return self.start if self.start is not None and not self.incarnation else self.origin
+        here = self.start if self.starts_lit else self.waits_at
+        return self.origin if here is None else here
 
     @property
     def leaves(self) -> bool:
@@ -69,4 +73,4 @@ def successor(spec: FlsSpec, now_s: float, change_s: float | None) -> FlsSpec | 
         if spec.leaves:
             return None
         spec = spec.changed()
-    return spec._replace(incarnation=spec.incarnation + 1, launch_at_s=now_s)
+    return spec._replace(incarnation=spec.incarnation + 1, launch_at_s=now_s, waits_at=None)

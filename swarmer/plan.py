@@ -86,6 +86,8 @@ class Rules(NamedTuple):
     launch_rate: float  # FLSs per second and dispatcher; 0: all at once
     failure_rate: float
     battery_s: float
+    battery: tuple[float, ...]  # flying and light time, seconds; reserve, a share; 1: staggered
+    charge_s: float
     dead_links: float
     change_s: float | None  # when the display becomes its next shape; None: never
     counts: tuple[int, ...]  # FLSs of each shape
@@ -295,6 +297,8 @@ def make_rules(config: RunConfig, count: int, dim: int, diagonal: float, techniq
         launch_rate=c.deploy.rate_per_s,
         failure_rate=c.failure.rate,
         battery_s=c.failure.battery_s,
+        battery=(c.battery.flight_s, c.battery.light_s, c.battery.reserve, float(c.battery.stagger)),
+        charge_s=c.battery.charge_s,
         dead_links=radio.dead_links,
         change_s=None,
         counts=(count,),

@@ -34,7 +34,9 @@ from swarmer.fls import NEVER
 from swarmer.fls_loops import LOOPS
 from swarmer.fls_process import DEPARTED_EXIT, PLUGIN_EXIT, Fls, RunSpec
 from swarmer.fls_spec import FlsSpec, successor
+from swarmer.plan import make_velocity
 from swarmer.radio_faults import part_of
+from swarmer.standbys import Standbys
 from swarmer.telemetry import Clock, Life, Phase, SharedMemory, Slot
 
 PR_SET_PDEATHSIG = 1
@@ -56,6 +58,9 @@ class Dispatcher:
         self.run = run_spec(setup["run"])
         self.specs = {spec.fid: spec for spec in map(fls_spec, setup["fls"])}
         self.replace: bool = setup["replace"]
+        rules = self.run.rules
+        self.batteries = any(rules.battery[:2])
+        self.standbys = Standbys(list(self.specs.values()), make_velocity(rules), rules.charge_s)
         self.shared = SharedMemory(self.run.rules.count, memory_fd)
         self.clock = Clock(self.shared)
         self.children: dict[int, int] = {}  # pid -> FID
@@ -208,15 +213,17 @@ class Dispatcher:
         kind = "failed" if failed else "departed" if code == DEPARTED_EXIT else "died"
         self._tell(kind, fid=fid, code=code, t_s=self.clock.now())
         if (self.replace and fid not in self.hand.dark) or self.hand.calm:
-            self._replace(fid)
+            self._replace(fid, charges=kind == "departed" and self.batteries)
 
-    def _replace(self, fid: int) -> bool:
+    def _replace(self, fid: int, charges: bool = False) -> bool:
         """Launch the successor of an FLS that has gone dark, if its point is still there; False if that cannot be."""
         if self.clock.phase != Phase.GO:
             return True
         spec = successor(self.specs[fid], self.clock.now(), self.run.rules.change_s)
         if spec is None:
             return True
+        if charges:  # it is relieved, or comes back (rule 13)
+            spec = self.standbys.relieved(self.specs[fid], self.clock.now())
         self.specs[fid] = spec
         if not self._launch(spec):
             return False

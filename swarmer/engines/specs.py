@@ -58,6 +58,7 @@ def fls_rows(plan: Plan) -> list[list[Any]]:
     starts = _random_starts(plan) if plan.rules.deploy_random else None
     launched = [0] * len(stations)
     after = next_specs(plan)
+    groups, places = standby_groups(plan.cloud.points, plan.config.battery.standby_group)
     rows = []
     for row, point in enumerate(plan.cloud.points):
         station = int(np.argmin(((stations - point) ** 2).sum(axis=1)))
@@ -74,6 +75,8 @@ def fls_rows(plan: Plan) -> list[list[Any]]:
             launch_at_s=launched[station] / rate if rate else 0.0,
             epoch=0,
             start=None if starts is None else starts[row].tolist(),
+            group=int(groups[row]),
+            standby=places[groups[row]].tolist() if len(places) else None,
             then=after.get(row + 1),
         )
         launched[station] += 1
@@ -81,6 +84,31 @@ def fls_rows(plan: Plan) -> list[list[Any]]:
     return rows + [
         _joiner(plan, fid, after[fid], stations) for fid in (plan.next.joiners if plan.next else ())
     ]
+
+
+def standby_groups(points: Any, most: int) -> tuple[Any, Any]:
+    """(F,) the group of each point, of at most so many near each other, and (groups, 3) where standbys wait, cells.
+
+    most: 0 for no groups. The points are halved by planes across their longest extent until the parts are small enough.
+    """
+    import numpy as np
+
+    groups = np.zeros(len(points), np.int64)
+    if not most:
+        return groups, np.zeros((0, 3))
+    left = [np.arange(len(points))]
+    places: list[Any] = []
+    while left:
+        rows = left.pop()
+        if len(rows) > most:
+            axis = int(np.ptp(points[rows], axis=0).argmax())
+            rows = rows[np.argsort(points[rows, axis], kind="stable")]
+            half = -(-len(rows) // most) // 2 * most  # whole groups on one side
+            left += [rows[half:], rows[:half]]
+            continue
+        groups[rows] = len(places)
+        places.append(points[rows].mean(axis=0))
+    return groups, np.array(places)
 
 
 def next_specs(plan: Plan) -> dict[int, NextSpec]:

@@ -26,7 +26,7 @@ from swarmer.engines.specs import fls_rows, fls_spec, why_it_left
 from swarmer.engines.stopping import told_to_stop
 from swarmer.engines.thaws import Sight, ThawTally, ThawWatch
 from swarmer.engines.virtual_faults import Weather
-from swarmer.engines.virtual_fls import FAILED, Shared, VirtualFls
+from swarmer.engines.virtual_fls import DEPARTED, FAILED, Shared, VirtualFls
 from swarmer.engines.virtual_radio import RUN, Air
 from swarmer.engines.virtual_time import DATAGRAM, FREE, GROUP, HELD, SAMPLE, SLOT, TURN, Agenda, Trace
 from swarmer.engines.witnesses import witness_of
@@ -38,7 +38,9 @@ from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Kind, Message, Stamp, T
 from swarmer.metrics.lateness import BUCKETS, bucket, percentiles
 from swarmer.metrics.swarms import swarm_names
 from swarmer.next_shape import standing_at
+from swarmer.plan import make_velocity
 from swarmer.protocol.events import Count, ThawBegins
+from swarmer.standbys import Standbys
 from swarmer.streams import stream
 from swarmer.telemetry import COUNTERS
 
@@ -102,6 +104,7 @@ class _Run:
         self.ends = {"failed": 0, "departed": 0, "replaced": 0}
         self.stopping = False
         self.result = RunResult(VirtualEngine.name, "done", 0.0, 0.0)
+        self.batteries = any(plan.rules.battery[:2])
         self._latency_rng = stream(plan.config.seed, "latency")  # of what the engine says
         self._numbers = counting(1)
         self._samples = self._obeyed = 0
@@ -137,7 +140,11 @@ class _Run:
         self.stopping = True
 
     def _launch(self) -> None:
-        for row in fls_rows(self.plan):
+        rows = fls_rows(self.plan)
+        rules = self.plan.rules
+        flss = [fls_spec(row) for row in rows] if self.batteries else []
+        self.standbys = Standbys(flss, make_velocity(rules), rules.charge_s)
+        for row in rows:
             if self.stopping:
                 return
             if len(self.flss) % TOLD_EVERY == 0:
@@ -245,14 +252,16 @@ class _Run:
         kind, text = ("failure", "went dark") if how == FAILED else ("departure", why)
         self.observer.event(Event(now, kind, fid, text))
         if self.config.failure.replace and not (self.weather is not None and fid in self.weather.dark):
-            self.replace(fid)
+            self.replace(fid, charges=how == DEPARTED and self.batteries)
 
-    def replace(self, fid: int) -> None:
-        """Launch the successor of an FLS that has gone dark."""
+    def replace(self, fid: int, charges: bool = False) -> None:
+        """Launch the successor of an FLS that has gone dark. charges: it is relieved, or comes back (rule 13)."""
         now = self.agenda.now
         spec = successor(self.flss[fid - 1].spec, now, self.plan.rules.change_s)
         if spec is None:  # its point is no more
             return
+        if charges:
+            spec = self.standbys.relieved(self.flss[fid - 1].spec, now)
         self.flss[fid - 1] = self._make(spec)
         self.ends["replaced"] += 1
         self.observer.event(Event(now, "replacement", fid, f"incarnation {spec.incarnation} launched"))

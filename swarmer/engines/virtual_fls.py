@@ -15,7 +15,8 @@ from swarmer.engines.result import Witness
 from swarmer.engines.virtual_radio import RUN, Air
 from swarmer.engines.virtual_time import FREE, HELD, OUTGOING, Agenda
 from swarmer.faults import NO_FAULTS, Schedule
-from swarmer.fls import DEPARTED, DUE, FAILED, FAILURE, LANDING, NEVER, BaseFls
+from swarmer.fls import DEPARTED, DUE, FAILED, FAILURE, LANDING, NEVER
+from swarmer.fls_battery import ChargedFls
 from swarmer.fls_spec import FlsSpec
 from swarmer.messages import ZERO, Message, Stamp, Swarm
 from swarmer.metrics.lateness import bucket
@@ -61,7 +62,7 @@ class Shared:
     )  # FID, its anchor's, its flight: since the last sample
 
 
-class VirtualFls(BaseFls):
+class VirtualFls(ChargedFls):
     """The two roles of one FLS, called by `engines.virtual`."""
 
     __slots__ = (

@@ -57,6 +57,8 @@ class Progress:
     swarms: SwarmStatistics = NO_SWARM
     states: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(STATES), dtype=np.int64))
     lit_share: float = 0.0
+    shares: list[float] = field(default_factory=list)  # lit_share at each sample since all were lit once
+    hds: list[float] = field(default_factory=list)  # and HD, where there was one
     own_meter: HausdorffMeter | None = None
 
     @property
@@ -110,6 +112,8 @@ class Progress:
             if self.next_time_to_hd_s is None:
                 self.all_lit_s = snapshot.t_s
         self.lit_share = float(snapshot.lit.mean())
+        if self.all_lit_s is not None:
+            self.shares.append(self.lit_share)
         self._update_hd(snapshot)
         self._update_swarms(snapshot)
 
@@ -122,6 +126,8 @@ class Progress:
         else:
             self.hd = self.meter.hd(snapshot.position, snapshot.lit) if has_one else math.nan
         self.hd_counts = has_one and self.shape_lit_s is not None and self.lit_share >= COUNTS_FROM
+        if self.all_lit_s is not None and has_one:
+            self.hds.append(self.hd)
         if not self.hd_counts:
             return
         self.hd_min = self.hd if self.hd_min is None else min(self.hd_min, self.hd)
@@ -147,6 +153,20 @@ class Progress:
     def single_swarms(self, counters: Mapping[str, float]) -> int:
         """How often all were one swarm: samples miss what a thaw ends at once, which the engine's counters may have."""
         return max(self.single_swarm_count, round(counters.get("thaws_at_one_swarm", 0)))
+
+    def illumination(self) -> dict[str, float | None]:
+        """How much of the display shone, by name in the summary, of the samples since all were lit once."""
+        shares = np.array(self.shares)
+        if not len(shares):
+            return dict.fromkeys(
+                ("illumination_mean", "illumination_min", "fully_lit_share", "hd_median_cells")
+            )
+        return {
+            "illumination_mean": float(shares.mean()),
+            "illumination_min": float(shares.min()),
+            "fully_lit_share": float((shares == 1.0).mean()),
+            "hd_median_cells": float(np.median(self.hds)) if self.hds else None,
+        }
 
     def hd_absolute(self) -> float | None:
         """HD of the last sample without any translation; None where that has no HD."""

@@ -111,6 +111,7 @@ def make_summary(
         "single_swarm_count": progress.single_swarms(counters),
         "swarms_last": progress.swarms.number,
         "lit_share": progress.lit_share,
+        **progress.illumination(),
         "thaws": _whole(counters.get("thaws")),
         "distance_cells_mean": _mean(counters.get("distance_cells"), flss or points),
         "localizing_cells_mean": _mean(counters.get("localizing_cells"), flss or points),

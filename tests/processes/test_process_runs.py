@@ -282,3 +282,11 @@ def test_an_oracle_makes_the_display_stand_where_it_should(tmp_path):
     summary = small(tmp_path, "--set", "oracle.count=2", points=12, duration=6)
     assert summary["hd_absolute_cells"] < 0.2
     assert summary["time_to_hd_absolute_s"]["1"] is not None
+
+
+def test_standbys_take_over_the_lights_of_who_charges(tmp_path):
+    rules = ("battery.light_s=5", "battery.charge_s=1", "battery.standby_group=1")
+    summary = small(tmp_path, *(word for rule in rules for word in ("--set", rule)), points=8, duration=8)
+    assert summary["departures"] >= 8
+    assert summary["replacements"] >= summary["departures"] - 1
+    assert summary["illumination_mean"] > 0.9

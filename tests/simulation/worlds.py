@@ -72,7 +72,20 @@ def draw(seed: int) -> World:
         faults = draw_faults(rng, settings["points"], settings["lambda_ms"] / 1e3, calm_s)
     settings |= draw_oracles(Random(f"soak oracle {seed}"), settings["points"])
     settings |= draw_transition(Random(f"soak shape {seed}"), settings, calm_s)
+    settings |= draw_battery(Random(f"soak battery {seed}"), settings)
     return World(seed, settings, Schedule(tuple(faults), calm_s))
+
+
+def draw_battery(rng: Random, settings: dict[str, Any]) -> dict[str, Any]:
+    """In some of the worlds the FLSs must charge, with or without standbys."""
+    if rng.random() > 0.15:
+        return {}
+    battery = {"battery.light_s": rng.uniform(1.0, 6.0), "battery.charge_s": rng.uniform(0.1, 1.0)}
+    if rng.random() < 0.5:
+        battery["battery.flight_s"] = rng.uniform(2.0, 6.0)
+    if "transition.shape" not in settings:
+        battery["battery.standby_group"] = rng.choice([0, 1, 3, 5])
+    return battery
 
 
 def draw_oracles(rng: Random, points: int) -> dict[str, Any]:
