@@ -79,3 +79,34 @@ def test_a_table_that_is_not_there_is_refused():
     done = bench("nope")
     assert done.returncode == 2
     assert "micro" in done.stderr
+
+
+def test_runs_in_rounds_are_measured_and_how_they_grow(monkeypatch, capsys):
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    from bench import rounds
+
+    monkeypatch.setattr(rounds, "RUNS", (("cat", 5),))
+    monkeypatch.setattr(rounds, "SIZES", (50, 100))
+    monkeypatch.setattr(rounds, "ROUNDS", 12)
+    rounds.run(1)
+    table = capsys.readouterr().out
+    rows = [row.split() for row in table.splitlines() if row.startswith("  torus")]
+    assert [row[1:3] for row in rows] == [["50", "12"], ["100", "12"]]
+    assert all(int(row[3]) >= 1 for row in rows), "formations"
+    assert "cat, M 2" in table
+    assert "grow as F^" in table
+
+
+def test_all_ways_to_read_the_hd_agree(monkeypatch, capsys):
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    from bench import hausdorff
+
+    monkeypatch.setattr(hausdorff, "SIZES", (60, 300))
+    monkeypatch.setattr(hausdorff, "BLOCK", 50)
+    monkeypatch.setattr(hausdorff, "NAIVE_MAX", 100)
+    hausdorff.run(1)
+    rows = [
+        row.split() for row in capsys.readouterr().out.splitlines() if row.startswith(("  60 ", "  300 "))
+    ]
+    assert len(rows) == 6
+    assert all((row[-2] == "-") == (row[0] == "300") for row in rows)

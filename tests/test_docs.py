@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 PAGES = [*sorted(DOCS.rglob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
 FILE = re.compile(r"`((?:[\w-]+/)*[\w-]+\.(?:py|yaml|toml|xyz|cff))`")
-NOT_SETTINGS = {"py", "rrd", "fate", "heard"}  # a file, or a function of radio.py
+NOT_SETTINGS = {"py", "rrd", "fate", "heard", "csv"}  # a file, or a function of radio.py
 BETWEEN_TICKS = re.compile(r"`([a-z_]+\.[a-z_]+)(?:: [^`]*)?`")
 
 

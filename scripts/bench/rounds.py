@@ -51,8 +51,7 @@ def run(repeat: int) -> None:
     notes = [
         "random points of a torus; HD each round to 50,000 FLSs, above at each formation;",
         f"process s grow as F^{grows:.2f}, from {SIZES[-2]:,} to {SIZES[-1]:,} as F^{last:.2f};",
-        "the time goes to the flights of all FLSs in each round,",
-        "and in the first round after a thaw to the search for neighbours and to the loop over challengers",
+        "half of it is the search for neighbours, most of that in the first round after a thaw",
     ]
     show("rounds: more FLSs", COLUMNS, [row("torus", cost) for cost in costs], notes)
 

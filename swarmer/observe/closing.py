@@ -87,10 +87,9 @@ def _round(value: float | None) -> str:
 
 def _trust(summary: dict[str, Any]) -> list[str]:
     if summary.get("rounds") is not None:
+        where = " at a single swarm" if summary.get("formation_rounds") else ""
         return (
-            []
-            if summary.get("converged")
-            else ["  not converged: the HD asked for was not reached at a single swarm"]
+            [] if summary.get("converged") else [f"  not converged: the HD asked for was not reached{where}"]
         )
     if summary.get("faithful") is None:
         return (

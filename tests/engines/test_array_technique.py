@@ -69,15 +69,15 @@ def answering(**methods):
         (answering(displacement=lambda self, d, g: (1.0, 2.0)), "not three numbers"),
         (answering(displacement=lambda self, d, g: (np.nan, 2.0, 0.0)), "finite"),
         (answering(displacement=lambda self, d, g: 1 / 0), "raised ZeroDivisionError"),
-        (answering(displacements=lambda self, d, g: d[:1]), "answered an array"),
+        (answering(displacements=lambda self, d, g: d[:1]), "gave an array"),
         (answering(displacements=lambda self, d, g: d * np.nan), "not finite"),
-        (answering(displacements=lambda self, d, g: None), "answered an array"),
+        (answering(displacements=lambda self, d, g: None), "gave an array"),
         (answering(displacements=lambda self, d, g: 1 / 0), "raised ZeroDivisionError"),
     ],
 )
 def test_a_broken_technique_is_named_with_its_package(plugin, said, monkeypatch):
     d, g = some(5, 3)
-    with pytest.raises(RunFailed, match=r"technique signal_strength \(package swarmer\)") as failed:
+    with pytest.raises(RunFailed, match="technique: 'signal_strength' of the package swarmer ") as failed:
         technique(plugin, monkeypatch).displacements(d, g)
     assert said in str(failed.value)
 
@@ -98,7 +98,7 @@ def test_a_fix_that_is_none_is_a_reason_and_one_that_raises_is_broken(monkeypatc
         lambda self, d, g, dim: (1.0,),
         lambda self, d, g, dim: (np.inf, 0, 0),
     ):
-        with pytest.raises(RunFailed, match="technique signal_strength"):
+        with pytest.raises(RunFailed, match="technique: 'signal_strength' of the package swarmer "):
             technique(answering(references=3, fix=fix), monkeypatch).fixes(d, g, 2)
 
 
@@ -106,5 +106,6 @@ def test_a_run_says_which_technique_broke_and_keeps_what_it_had(monkeypatch):
     monkeypatch.setattr(SignalStrength, "displacements", lambda self, d, g: d[:, :1])
     result, watcher = play()
     assert result.status == "failed"
-    assert "technique signal_strength (package swarmer) answered an array" in result.message
+    assert "technique: 'signal_strength' of the package swarmer " in result.message
+    assert "gave an array" in result.message
     assert len(watcher.samples) == 1

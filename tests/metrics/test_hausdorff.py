@@ -5,7 +5,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from swarmer.errors import BadInput
-from swarmer.metrics.hausdorff import EmptyCloud, HausdorffMeter, hausdorff, smallest_spacing
+from swarmer.metrics.hausdorff import (
+    EmptyCloud,
+    HausdorffMeter,
+    hausdorff,
+    sampled_translation,
+    smallest_spacing,
+)
 
 NUMBERS = st.floats(-100, 100, allow_nan=False, width=32)
 
@@ -73,3 +79,14 @@ def test_empty_cloud_is_named(which):
 def test_spacing_of_one_point_is_infinite():
     assert smallest_spacing(np.zeros((1, 3))) == np.inf
     assert HausdorffMeter(np.zeros((1, 3))).absolute(np.full((1, 3), 2.0)) == pytest.approx(12**0.5)
+
+
+def test_the_sampled_translation_is_the_error_that_fits_the_sample_best():
+    """SwarMer, section 4.2, by its letter."""
+    rng = np.random.default_rng(8)
+    truth, position = rng.random((2, 30, 3)) * 9
+    errors = truth - position
+    fits = [np.linalg.norm(position + error - truth, axis=1).sum() for error in errors]
+    assert sampled_translation(errors) == pytest.approx(errors[int(np.argmin(fits))])
+    same = np.array([[1.0, 0, 0], [0.0, 0, 0]])
+    assert sampled_translation(same).tolist() == [1.0, 0.0, 0.0], "the first of equal ones"
