@@ -55,6 +55,7 @@ BESIDES = {
     "epochs": {"thaw.policy": "timer"},
     "virtual.latency_min_ms": {"virtual.latency_max_ms": 60_000},
     "virtual.latency_max_ms": {"virtual.latency_min_ms": 0},
+    "battery.standby_group": {"battery.light_s": 30},
     "transition.shape": {"transition.at_s": 5},
     "transition.at_s": {"transition.shape": "cube", "duration_s": 1_000_000},
     "transition.points": {"transition.shape": "cube", "transition.at_s": 5},
@@ -167,7 +168,8 @@ def test_a_bad_value_is_refused_by_name(fact, data):
 @given(data=st.data())
 def test_a_good_value_survives_the_file(fact, data):
     value = data.draw(good_values(fact))
-    assume(fact.name != "failure.battery_s" or value == 0 or value >= BATTERY_S)  # a rule of its own
+    batteries = ("failure.battery_s", "battery.light_s", "battery.flight_s")
+    assume(fact.name not in batteries or value == 0 or value >= BATTERY_S)  # a rule of its own
     if fact.name in ("transition.shape", "transition.at_s"):  # each needs the other
         assume(value is not None and value != 1_000_000)
     besides = BESIDES.get(fact.name, {})
