@@ -357,9 +357,8 @@ def clouds_figure(data: RunData, key: str = "clouds") -> Figure:
     )
     at, every = moments[-1][1], slice(None, None, -(-data.points // CSV_POINTS))
     fids = np.arange(1, data.points + 1)[every]
-    rows = columns_of(
-        fids, *timeline.truth[every].T, *timeline.position[at][every].T, timeline.swarm[at][every]
-    )
+    truth = timeline.truth_rows(float(timeline.t_s[at]))[every]
+    rows = columns_of(fids, *truth.T, *timeline.position[at][every].T, timeline.swarm[at][every])
     titles = ["fid", "truth_l", "truth_h", "truth_d", "l", "h", "d", "swarm"]
     which = "every FLS" if len(rows) == data.points else f"{len(rows):,} FLSs"
     caption = f"One colour a swarm; grey: where the FLSs belong. The CSV has {which} at the end, in cells."

@@ -50,8 +50,12 @@ def rises(timeline: SavedTimeline, most: int = MOST) -> tuple[list[Rise], int]:
     """
     hd = timeline.hd_cells
     spans = sorted(_spans(hd, _first(timeline)), key=lambda span: _factor(hd, span), reverse=True)
-    meter = HausdorffMeter(timeline.truth) if spans else None
-    return [_rise(timeline, meter, *span) for span in spans[:most] if meter is not None], len(spans)
+    return [_rise(timeline, _meter(timeline, span[1]), *span) for span in spans[:most]], len(spans)
+
+
+def _meter(timeline: SavedTimeline, at: int) -> HausdorffMeter:
+    """Of the shape that the display is to be at a sample."""
+    return HausdorffMeter(timeline.truth_rows(float(timeline.t_s[at])))
 
 
 def _first(timeline: SavedTimeline) -> int:

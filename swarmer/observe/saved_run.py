@@ -81,6 +81,10 @@ class SavedTimeline:
             for at_s, truth, member in zip(self.truth_at_s, truths, members, strict=True)
         )
 
+    def truth_rows(self, t_s: float) -> NDArray[np.float64]:
+        """(F, 3): where each FLS belonged at an emulated second, cells; who had no point, where it did or will."""
+        return standing_at(self.standings(), t_s).truth
+
     def truth_at(self, t_s: float) -> NDArray[np.float64]:
         """(G, 3): the points of the shape that was the one at an emulated second, cells."""
         standing = standing_at(self.standings(), t_s)
