@@ -195,6 +195,10 @@ def search(tasks: Iterable[Task], length_s: float | None, jobs: int, out: Path, 
     """Play worlds; the exit status. Raises BadInput, KeyboardInterrupt."""
     tally = Tally(options)
     try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFailed(f"cannot make {out}: {error.strerror}") from error
+    try:
         with ctrl_c():
             for finding in _findings(_in_time(tasks, tally, length_s), jobs, out, tally):
                 tally.note(finding)

@@ -23,9 +23,9 @@ def break_rule(name, patch):
 def test_a_broken_rule_is_found_shrunk_and_replayed(rule, tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         break_rule(rule, patch)
-        done = run("--seeds", "1,2,3,4", "--jobs", "1", "--out", str(tmp_path))
+        done = run("--seeds", "1,2,3,4", "--jobs", "1", "--out", str(tmp_path / "not" / "there"))
         assert done.return_value == 1, done.output
-        file = next(iter(sorted(tmp_path.glob("seed-*.yaml"))))
+        file = next(iter(sorted(tmp_path.rglob("seed-*.yaml"))))
         assert f"replay: swarmer simulate {file}" in done.output
         number = int(file.stem.removeprefix("seed-"))
         small, whole = read_world(file), draw(number)
