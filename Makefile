@@ -60,7 +60,7 @@ bench: $(VENV)/dev.stamp
 	@$(BIN)/python scripts/bench.py
 
 soak: $(VENV)/dev.stamp
-	@$(BIN)/python scripts/soak.py --seconds $(SECONDS)
+	@$(BIN)/python -m swarmer simulate --seconds $(SECONDS)
 
 paper: $(VENV)/user.stamp
 	@$(BIN)/python scripts/paper_page.py

@@ -55,6 +55,9 @@ COMMANDS = {
     "compare": Lazy(
         "swarmer.commands.compare:command", "Compare techniques, engines or settings, seed by seed."
     ),
+    "simulate": Lazy(
+        "swarmer.commands.simulate:command", "Look for what breaks: random worlds full of faults."
+    ),
     "doctor": Lazy("swarmer.commands.doctor:command", "Tell what this machine can carry, and what to raise."),
 }
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from swarmer.errors import BadInput
 from swarmer.fault_places import AXES, Ground, Place, Points, is_axis, is_number, longest_axis, place, slabs
@@ -23,6 +23,7 @@ WHAT = ("kill", "hang", "slow", *ON_THE_AIR, *OF_SENSORS)
 PARTITION = "partition"  # in a text; it becomes cuts
 WAYS = ("both", "in", "out")
 PARTS_MAX = 64
+T = TypeVar("T")
 WIDE = 1_000_000  # characters: no line of a schedule is broken
 
 _ALWAYS = ("at", "for", "what", "where")
@@ -339,13 +340,18 @@ def shrink(schedule: Schedule, fails: Callable[[Schedule], bool], wall_s: float 
 
     wall_s: after so many seconds what has been found until then is given.
     """
+    return smallest(schedule, simpler, fails, wall_s)
+
+
+def smallest(start: T, smaller: Callable[[T], Iterator[T]], fails: Callable[[T], bool], wall_s: float) -> T:
+    """The same for anything: `smaller` gives things with a little less in them."""
     stop = time.monotonic() + wall_s
     while True:
-        for candidate in simpler(schedule):
+        for candidate in smaller(start):
             if time.monotonic() > stop:
-                return schedule
+                return start
             if fails(candidate):
-                schedule = candidate
+                start = candidate
                 break
         else:
-            return schedule
+            return start

@@ -14,6 +14,7 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
 from multiprocessing import get_context
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -31,6 +32,14 @@ LOOK_EVERY_S = 0.25
 DIED = "its process died; was it killed, or out of memory?"
 
 
+Work = Callable[[Any, Path], Any]
+
+
+def make_run(run: Run, out: Path) -> Outcome:
+    """Make one run of a sweep in the sweep's directory `out`."""
+    return perform(run.config, out / run.path)
+
+
 class Worker(NamedTuple):
     """A process that makes runs."""
 
@@ -41,9 +50,12 @@ class Worker(NamedTuple):
 class Pool:
     """Some workers. A context: leaving it ends them."""
 
-    def __init__(self, jobs: int, out: Path) -> None:
-        """jobs: workers at a time. out: the sweep's directory, in which the runs have theirs."""
-        self._jobs, self._out = jobs, out
+    def __init__(self, jobs: int, out: Path, work: Work = make_run) -> None:
+        """jobs: workers at a time. out: the sweep's directory, in which the runs have theirs.
+
+        work: what a worker does with what it is given; a function at the top of a module.
+        """
+        self._jobs, self._out, self._does = jobs, out, work
         self._context = get_context("spawn")
         self._ear, self._mouth = self._context.Pipe(duplex=False)
         self._slots: list[Worker | None] = [None] * jobs
@@ -61,19 +73,21 @@ class Pool:
         self._ear.close()
 
     def outcomes(
-        self, runs: Iterable[Run], started: Callable[[Run], None], tick: Callable[[], None]
-    ) -> Iterator[tuple[Run, Outcome]]:
+        self, runs: Iterable[Any], started: Callable[[Any], None], tick: Callable[[], None]
+    ) -> Iterator[tuple[Any, Any]]:
         """Make the runs, as many at a time as there are workers, and give each as it ends.
 
         started: told of a run that begins. tick: called several times a second.
         """
-        waiting, free = deque(runs), deque(range(self._jobs))
-        running: dict[Any, tuple[int, Run]] = {}
-        ended: list[tuple[Run, Outcome]] = []
+        coming, free = iter(runs), deque(range(self._jobs))
+        waiting = list(islice(coming, 1))  # the next one, if there is any
+        running: dict[Any, tuple[int, Any]] = {}
+        ended: list[tuple[Any, Any]] = []
         while waiting or running:
             begun = []
             while waiting and free:  # before anybody looks at what has ended: no worker waits for that
-                slot, run = free.popleft(), waiting.popleft()
+                slot, run = free.popleft(), waiting.pop()
+                waiting = list(islice(coming, 1))
                 running[self._begin(slot, run)] = (slot, run)
                 begun.append(run)
             yield from ended
@@ -87,8 +101,8 @@ class Pool:
                 free.append(slot)
         yield from ended
 
-    def _begin(self, slot: int, run: Run) -> Connection:
-        job = (run.config, self._out / run.path)
+    def _begin(self, slot: int, run: Any) -> Connection:
+        job = (run, self._out)
         worker = self._slots[slot] or self._hire(slot)
         try:
             worker.line.send(job)
@@ -100,7 +114,7 @@ class Pool:
 
     def _hire(self, slot: int) -> Worker:
         ours, theirs = self._context.Pipe()
-        process = self._context.Process(target=_work, args=(theirs, self._ear))
+        process = self._context.Process(target=_work, args=(theirs, self._ear, self._does))
         with _deaf():
             process.start()
         theirs.close()  # or nobody would see it die
@@ -114,9 +128,9 @@ class Pool:
             worker.line.close()
             worker.process.join()
 
-    def _outcome(self, line: Any, slot: int) -> Outcome:
+    def _outcome(self, line: Any, slot: int) -> Any:
         try:
-            outcome: Outcome = line.recv()
+            outcome = line.recv()
         except (EOFError, OSError):
             self._dismiss(slot)
             return Outcome("failed", DIED)
@@ -138,12 +152,12 @@ def _deaf() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
-def _work(line: Connection, ear: Connection) -> None:
+def _work(line: Connection, ear: Connection, does: Work) -> None:
     """In the worker: make runs until the line is closed."""
     _listen(ear)
     with contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
         while True:
-            line.send(perform(*line.recv()))
+            line.send(does(*line.recv()))
 
 
 def _listen(ear: Connection) -> None:

@@ -1,4 +1,4 @@
-"""The worlds of this room are plain modules; `scripts/soak.py` finds them in the same way."""
+"""The worlds of this room are plain modules."""
 
 import sys
 from pathlib import Path

@@ -11,10 +11,10 @@ from random import Random
 from typing import Any, NamedTuple
 
 import pytest
-from worlds import World, play
 
 from swarmer import state_machine
 from swarmer.engines.virtual_fls import VirtualFls
+from swarmer.experiments.worlds import World, play
 from swarmer.faults import Fault, Schedule
 from swarmer.messages import (
     CHALLENGE_ACCEPT,

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from typing import Any
 
-from worlds import Onlooker
-
 from swarmer.config import load_config
 from swarmer.engines.result import RunResult, Snapshot, Witness
 from swarmer.engines.virtual import VirtualEngine
+from swarmer.experiments.worlds import Onlooker
 from swarmer.faults import NO_FAULTS, Schedule
 from swarmer.metrics.hausdorff import hausdorff
 from swarmer.observe.invariants import Checks

@@ -1,4 +1,4 @@
-"""Worlds full of faults, always the same ones; `make soak` plays fresh ones for as long as told."""
+"""Worlds full of faults, always the same ones; `swarmer simulate` plays fresh ones for as long as told."""
 
 import subprocess
 import sys
@@ -6,9 +6,9 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from worlds import THAW_POLICIES, draw, play
 
 from swarmer.engines.virtual_faults import StormyFls
+from swarmer.experiments.worlds import THAW_POLICIES, draw, play
 from swarmer.faults import from_text, shrink, to_yaml
 from swarmer.observe.invariants import INVARIANTS
 from swarmer.radio import ReplayWindow
@@ -23,7 +23,7 @@ MANY = range(1000, 1240)
 @pytest.mark.parametrize("seed", [*SEEDS, *FOUND])
 def test_a_world_full_of_faults_heals(seed):
     outcome = play(draw(seed))
-    assert outcome.failure is None, f"python scripts/soak.py --seed {seed} --once: {outcome.failure}"
+    assert outcome.failure is None, f"swarmer simulate --seed {seed}: {outcome.failure}"
 
 
 @pytest.mark.slow
@@ -31,7 +31,7 @@ def test_a_world_full_of_faults_heals(seed):
 def test_many_worlds(first):
     for seed in range(first, first + 24):
         outcome = play(draw(seed))
-        assert outcome.failure is None, f"python scripts/soak.py --seed {seed} --once: {outcome.failure}"
+        assert outcome.failure is None, f"swarmer simulate --seed {seed}: {outcome.failure}"
 
 
 def test_the_same_seed_is_the_same_world():
@@ -114,9 +114,7 @@ def test_every_invariant_had_something_to_look_at():
 
 
 def test_the_soak_begins_by_the_clock_and_says_where_it_stands():
-    script = Path(__file__).parents[2] / "scripts" / "soak.py"
-    done = subprocess.run(
-        [sys.executable, script, "--seconds", "0.5"], capture_output=True, text=True, timeout=120
-    )
-    assert (done.returncode, done.stderr) == (0, ""), done.stdout + done.stderr
+    command = [sys.executable, "-m", "swarmer", "simulate", "--seconds", "0.5", "--jobs", "1"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
     assert "0 failed" in done.stdout.splitlines()[-1]

@@ -1,4 +1,4 @@
-"""Seeded worlds full of faults on the virtual-time engine: what `make soak`, test_soak.py and test_mutants.py play.
+"""Seeded worlds full of faults on the virtual-time engine: what `swarmer simulate` plays (docs/simulate.md).
 
 `draw(seed)` makes a world as data: a cloud, settings, and a schedule of faults, each kind only in some worlds and at a
 rate of its own. `play` runs it with every invariant checked: faults until `calm_s`, then one swarm must form.
@@ -7,6 +7,7 @@ rate of its own. `play` runs it with every invariant checked: faults until `calm
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from random import Random
 from typing import Any, NamedTuple
@@ -20,6 +21,7 @@ from swarmer.plan import Plan, make_plan
 
 CALM_SHARE = 0.1  # worlds without any fault
 EVENTS_MAX = 500_000
+DEFAULTS = {fact.name: fact.default for fact in setting_facts()}
 THAW_POLICIES = next(fact.words for fact in setting_facts() if fact.name == "thaw.policy")
 
 
@@ -32,9 +34,9 @@ class World(NamedTuple):
 
     def words(self) -> str:
         """One line about it."""
-        s = self.settings
+        s = DEFAULTS | self.settings
         kinds = sorted({fault.what for fault in self.schedule.faults})
-        radio = [name.removeprefix("radio.") for name in s if name.startswith("radio.")]
+        radio = [name.removeprefix("radio.") for name in self.settings if name.startswith("radio.")]
         return (
             f"F {s['points']}, λ {s['lambda_ms']:g}, δ {s['lease_ms']:g} ms, M {s['m']}, ε {s['epsilon_deg']:g}°, "
             f"{s['anchor']}, {s['challenge_policy']}, thaw {s['thaw.policy']}, join {s['busy_join']}, "
@@ -53,6 +55,7 @@ class Outcome:
     digest: str = ""  # over every event in order
     took_s: float | None = None  # emulated seconds from the calm to one swarm
     bound_s: float = 0.0
+    stands: str = ""  # how it stood at the end, in words
     last: list[str] = field(default_factory=list)
     seen: Counter[str] = field(default_factory=Counter)  # how often an invariant had something to look at
 
@@ -60,10 +63,11 @@ class Outcome:
 # -- drawing ---------------------------------------------------------------------------------------------------------
 
 
-def draw(seed: int) -> World:
-    """The world of a seed."""
+def draw(seed: int, given: Mapping[str, Any] | None = None) -> World:
+    """The world of a seed. given: settings by name that every world has, in place of what is drawn."""
+    fixed = dict(given or {})
     rng = Random(f"soak {seed}")
-    settings = draw_settings(rng, seed)
+    settings = draw_settings(rng, seed) | fixed
     calm_s = rng.uniform(2.0, 8.0)
     faults: list[Fault] = []
     if rng.random() >= CALM_SHARE:
@@ -73,7 +77,7 @@ def draw(seed: int) -> World:
     settings |= draw_oracles(Random(f"soak oracle {seed}"), settings["points"])
     settings |= draw_transition(Random(f"soak shape {seed}"), settings, calm_s)
     settings |= draw_battery(Random(f"soak battery {seed}"), settings)
-    return World(seed, settings, Schedule(tuple(faults), calm_s))
+    return World(seed, settings | fixed, Schedule(tuple(faults), calm_s))
 
 
 def draw_battery(rng: Random, settings: dict[str, Any]) -> dict[str, Any]:
@@ -203,6 +207,7 @@ class Onlooker:
 
     def __init__(self, checks: Checks | None = None) -> None:
         self.checks = checks
+        self.last: Any = None  # the latest sample
         self.events: list[Any] = []
 
     def planned(self, plan: Plan) -> None:
@@ -218,6 +223,7 @@ class Onlooker:
         pass
 
     def sample(self, snapshot: Any) -> bool:
+        self.last = snapshot
         if self.checks is None:
             return False
         if self.checks.events > EVENTS_MAX:
@@ -236,19 +242,27 @@ def plan_of(world: World) -> Plan:
     return make_plan(plan.config.changed(duration_s=calm_s + rest_s + 1e-3))
 
 
-def play(world: World) -> Outcome:
-    """Run a world to its end, or to what first goes wrong."""
+def play(world: World, until_s: float | None = None) -> Outcome:
+    """Run a world to its end, or to what first goes wrong, or to `until_s`, emulated. Raises BadInput."""
     plan = plan_of(world)
+    if until_s is not None:
+        plan = make_plan(plan.config.changed(duration_s=min(until_s, plan.config.duration_s)))
     checks = Checks(plan, world.schedule)
     outcome = Outcome(bound_s=one_swarm_within_s(plan))
+    onlooker = Onlooker(checks)
     try:
         with VirtualEngine(plan, (checks,), world.schedule) as engine:
-            result = engine.run(Onlooker(checks))
+            result = engine.run(onlooker)
     except Exception as error:  # whatever it is, it is a finding
         outcome.invariant = type(error).__name__
         outcome.failure = f"{outcome.invariant}: {error}"
         outcome.events = checks.events
         return outcome
+    if result.status == "interrupted":
+        raise KeyboardInterrupt
+    if onlooker.last is not None:
+        lit = onlooker.last.swarm[onlooker.last.lit].tolist()
+        outcome.stands = f"{len(lit)} lit, {len(set(lit))} swarms"
     if result.status != "done":
         outcome.failure = result.message or result.status
     if checks.broken is not None:
