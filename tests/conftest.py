@@ -4,6 +4,7 @@ Tests of pages that were skipped for want of a browser are told in capitals at t
 """
 
 import os
+import signal
 
 from hypothesis import settings
 
@@ -11,6 +12,13 @@ from hypothesis import settings
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.register_profile("fresh", deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
+
+
+def pytest_configure(config):
+    """Started by nohup, or in the background of a script, the suite inherits ignored signals, and so would runs."""
+    for number, rule in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, rule)
 
 
 def pytest_addoption(parser):

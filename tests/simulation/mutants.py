@@ -292,7 +292,7 @@ def _(patch):
     swap(patch, pairing.accept, accept)
 
 
-@mutant("newcomer anchors", "S10", **{"thaw.policy": "off"})
+@mutant("newcomer anchors", "S10", **{"thaw.policy": "off", "failure.rate": 0.1})
 def _(patch):
     everywhere(patch, anchoring.anchors, lambda me, message, *_: me.swarm < message.swarm)
 
@@ -315,7 +315,7 @@ def _(patch):
     patch.setattr(StateMachine, "_land", land_anyhow)
 
 
-@mutant("judged at sending", "S13", **{"virtual.latency_max_ms": 80.0, "lambda_ms": 50.0})
+@mutant("judged at sending", "S13", "S16", **{"virtual.latency_max_ms": 80.0, "lambda_ms": 50.0})
 def _(patch):
     hear, receive = VirtualFls.hear, StateMachine.receive
 
