@@ -60,8 +60,8 @@ def meet_epoch(me: Memory, message: Message) -> bool:
     """Rule 12: a newer epoch is obeyed first, an older one is told. Handle the message then?"""
     if message.epoch > me.epoch:
         if me.then is not None and message.epoch >= me.then.epoch:
-            change_shape(me, None)
-        if message.epoch > me.epoch and not me.departed:
+            _become_next(me, message.epoch)
+        else:
             obey_thaw(me, message.epoch)
         return message.kind != THAW and not me.departed
     me.counts[STALE] += 1
@@ -80,12 +80,17 @@ def change_shape(me: Memory, _: object) -> None:
     It begins a new epoch, above all those of the old shape: whatever is still said in one of them is out of date, and
     whoever is late with this learns it from the first datagram of the new shape. It stays lit on the way.
     """
+    if me.then is not None:  # else it has learned it from a datagram already
+        _become_next(me, me.then.epoch)
+
+
+def _become_next(me: Memory, epoch: int) -> None:
+    """`epoch`: a later one than the shape's first if the datagram that tells of the shape is of a later one."""
     then, me.then = me.then, None
-    if then is None:  # it has learned it from a datagram already
-        return
+    assert then is not None
     me.thaw_policy = then.thaw_policy
     if then.truth is None:
-        obey_thaw(me, then.epoch)
+        obey_thaw(me, epoch)
         me.leaving = True
         if not me.flying:
             leave(me, None)
@@ -99,7 +104,7 @@ def change_shape(me: Memory, _: object) -> None:
         me.onward = way
     elif me.state is not D:  # else it has not been launched yet, and will fly there at once
         me.fly(way)
-    obey_thaw(me, then.epoch)
+    obey_thaw(me, epoch)
 
 
 def begin_thaw(me: Memory, known: bool, tell: bool = True) -> None:
