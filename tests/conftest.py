@@ -6,6 +6,7 @@ Tests of pages that were skipped for want of a browser are told in capitals at t
 import os
 import signal
 
+import pytest
 from hypothesis import settings
 
 # No deadline: a busy machine is no bug.
@@ -19,6 +20,15 @@ def pytest_configure(config):
     for number, rule in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, rule)
+
+
+@pytest.fixture(autouse=True)
+def signals_stay():
+    """A run that was played within a test is deaf at its end, for its process would be over then."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    yield
+    for number, rule in before.items():
+        signal.signal(number, rule)
 
 
 def pytest_addoption(parser):
