@@ -26,6 +26,7 @@ from swarmer.observe.viewer import (
     web_address,
     web_command,
 )
+from swarmer.observe.viewer_process import quiet_environment
 
 WAYS = ("auto", "desktop", "web")
 HELD_MAX = 128 << 20  # bytes that may wait for a viewer
@@ -108,7 +109,7 @@ class LiveViewer:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,  # a terminal's Ctrl-C ends the run, not what one looks at
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+            env={**quiet_environment(), "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
         )
         if stays:
             _left_open.append(self._process)
