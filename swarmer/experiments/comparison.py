@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -22,7 +23,9 @@ from swarmer.settings import did_you_mean
 
 Key = tuple[str, ...]
 Row = dict[str, str]
-TIMED = ("rounds_to_hd", "time_to_hd_s", "first_single_swarm", "all_lit_s")
+IN_ROUNDS = ("rounds_to_hd", "first_single_swarm_round")
+IN_SECONDS = ("time_to_hd_s", "first_single_swarm_s", "all_lit_s")
+CLOCKS = ("rounds", "emulated_s")  # a run that has no such column filled cannot say when, which is not never
 FIRST_CHOICES = ("technique", "engine")  # of what is compared, where nobody says
 
 
@@ -35,7 +38,19 @@ class Measure(NamedTuple):
     @property
     def timed(self) -> bool:
         """It says when something was reached; empty is never."""
-        return self.column.startswith(TIMED)
+        return self.column.startswith(IN_ROUNDS + IN_SECONDS)
+
+    @property
+    def clock(self) -> str:
+        """The column of a run that measures time as this one does."""
+        return CLOCKS[0] if self.column.startswith(IN_ROUNDS) else CLOCKS[1]
+
+    def of(self, row: Row) -> float | None:
+        """What a run has of it: None if it has none, infinite for what it never reached."""
+        text = row.get(self.column) or ""
+        if _number(text):
+            return float(text)
+        return NEVER if self.timed and not text and row.get(self.clock) != "" else None
 
 
 MEASURES = (
@@ -54,6 +69,7 @@ class Cell(NamedTuple):
     condition: Key
     contender: Key
     values: dict[str, dict[int, float]]  # by column of a measure, by seed
+    done: int  # runs; of a measure some may have no value
     failed: int  # runs that are not done
 
     def estimate(self, measure: Measure) -> Interval:
@@ -84,9 +100,9 @@ class Pair(NamedTuple):
     @property
     def better(self) -> Key | None:
         """Which one is, if that is shown."""
-        if not self.shown or self.difference.estimate == 0 or math.isnan(self.difference.estimate):
+        if not self.shown:
             return None
-        return self.other if self.difference.estimate < 0 else self.one
+        return self.other if self.test.direction < 0 else self.one
 
 
 class Comparison(NamedTuple):
@@ -98,6 +114,11 @@ class Comparison(NamedTuple):
     cells: list[Cell]
     pairs: list[Pair]
     seeds: list[int]
+
+    @property
+    def combinations(self) -> int:
+        """How many pairs of contenders share a condition."""
+        return sum(math.comb(many, 2) for many in Counter(cell.condition for cell in self.cells).values())
 
     def family(self, measure: Measure) -> int:
         """How many pairs are tested by a measure."""
@@ -175,14 +196,12 @@ def _number(text: str | None) -> bool:
 
 def _cell(condition: Key, contender: Key, rows: list[Row], measures: Sequence[Measure]) -> Cell:
     done = [row for row in rows if row.get(STATUS) == "done"]
-    values: dict[str, dict[int, float]] = {}
-    for measure in measures:
-        by_seed = {int(row["seed"]): row.get(measure.column) or "" for row in done}
-        if measure.timed:
-            values[measure.column] = {seed: float(text) if text else NEVER for seed, text in by_seed.items()}
-        else:
-            values[measure.column] = {seed: float(text) for seed, text in by_seed.items() if text}
-    return Cell(condition, contender, values, len(rows) - len(done))
+    values = {
+        measure.column: {
+            int(row["seed"]): value for row in done if (value := measure.of(row)) is not None
+        } for measure in measures
+    }  # fmt: skip
+    return Cell(condition, contender, values, len(done), len(rows) - len(done))
 
 
 def _pairs(cells: list[Cell], measures: Sequence[Measure]) -> list[Pair]:

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from swarmer.experiments.comparison import Cell, Comparison, Key, Measure, Pair
 from swarmer.experiments.tables import bounded
 from swarmer.metrics import paired
-from swarmer.metrics.intervals import Interval
+from swarmer.metrics.intervals import LEVEL, Interval
 from swarmer.observe.words import count
 
 LEAST_P = 1e-4  # smaller ones are not told apart
@@ -45,14 +45,14 @@ def named(key: Key, names: Key) -> str:
 
 
 def cell_figure(cell: Cell, measure: Measure) -> str:
-    """`1.23 [1.1, 1.4]`, and of what is timed how many got there, if not all."""
+    """`1.23 [1.1, 1.4]`, and how many have a figure or got there, if not all."""
     values = list(cell.values[measure.column].values())
     if not values:
         return "–"
     reached = sum(map(math.isfinite, values))
+    there = "" if reached == cell.done else f" ({reached}/{cell.done})"
     if not reached:
-        return "never"
-    there = "" if reached == len(values) else f" ({reached}/{len(values)})"
+        return "never" if len(values) == cell.done else f"never{there}"
     return bounded(cell.estimate(measure), figure) + there
 
 
@@ -61,10 +61,9 @@ def table_rows(comparison: Comparison) -> list[list[str]]:
     titles = [*comparison.within, " + ".join(comparison.between), "runs"]
     rows = [[*titles, *(measure.title for measure in comparison.measures)]]
     for cell in comparison.cells:
-        runs = max((len(values) for values in cell.values.values()), default=0)
         failed = f" ({cell.failed} failed)" if cell.failed else ""
         rows.append(
-            [*cell.condition, named(cell.contender, comparison.between), f"{runs}{failed}",
+            [*cell.condition, named(cell.contender, comparison.between), f"{cell.done}{failed}",
              *(cell_figure(cell, measure) for measure in comparison.measures)]
         )  # fmt: skip
     return rows
@@ -75,7 +74,8 @@ def method_lines(comparison: Comparison) -> list[str]:
     seeds = len(comparison.seeds)
     lines = [
         f"Paired by seed, {seeds} seed{'s' * (seeds != 1)}. Means with {_intervals(comparison)} intervals of 95 %; "
-        "what is timed as median between two ranks, a run that never got there later than all others.",
+        f"what is timed as median between two ranks{_held(comparison)}, a run that never got there later than all "
+        "others.",
         "Differences: permutation test by sign flips, p corrected by Holm for all pairs of a measure; effect: "
         "matched-pairs rank-biserial correlation, -1 to 1.",
     ]
@@ -87,6 +87,10 @@ def method_lines(comparison: Comparison) -> list[str]:
                 f"{measure.title}: {tests} pair{'s' * (tests != 1)} on {seeds} seed{'s' * (seeds != 1)} cannot show a "
                 f"difference, however large; {paired.pairs_needed(tests)} seeds could."
             )
+        if apart := comparison.combinations - tests:
+            lines.append(
+                f"{measure.title}: not compared, as no seed has it of both: {apart} pair{'s' * (apart != 1)}."
+            )
     return lines
 
 
@@ -94,10 +98,25 @@ def _intervals(comparison: Comparison) -> str:
     plain = [measure for measure in comparison.measures if not measure.timed]
     methods = {
         cell.estimate(measure).method
-        for measure in plain for cell in comparison.cells if cell.values[measure.column]
-    }  # fmt: skip
+        for measure in plain
+        for cell in comparison.cells
+        if cell.values[measure.column]
+    }
+    methods |= {pair.difference.method for pair in comparison.pairs} - {"ranks"}
     words = {"t": "Student's t", "bootstrap BCa": "bootstrap (BCa)"}
     return " or ".join(words[method] for method in sorted(methods)) or "bootstrap (BCa)"
+
+
+def _held(comparison: Comparison) -> str:
+    """What medians of few runs are held to, if there are such."""
+    levels = [
+        cell.estimate(measure)
+        for measure in comparison.measures if measure.timed
+        for cell in comparison.cells if cell.values[measure.column]
+    ]  # fmt: skip
+    few = ["of 5 runs with 93.75 %"] * any(interval.level < LEVEL for interval in levels)
+    few += ["of fewer than 5 without an interval"] * any(math.isnan(interval.low) for interval in levels)
+    return f" ({', '.join(few)})" if few else ""
 
 
 def pair_line(pair: Pair, comparison: Comparison) -> str:
@@ -109,13 +128,13 @@ def pair_line(pair: Pair, comparison: Comparison) -> str:
     figures = f"(effect {pair.effect:+.2f}, p {_p(pair.p)})"
     if pair.better is None:
         return (
-            f"{where}{other} against {one}: no difference shown, by {bounded(pair.difference, figure)}, "
+            f"{where}{other} against {one}: no difference shown, by {_amount(pair.difference)}, "
             f"{less} on {pair.less} of {n} seeds, {more} on {pair.more} {figures}"
         )
     falls = pair.better == pair.other
     word, seeds = (less, pair.less) if falls else (more, pair.more)
     amount = _turned(pair.difference) if falls else pair.difference
-    return f"{where}{other} {word} than {one}, {_by(amount)}on {seeds} of {n} seeds {figures}"
+    return f"{where}{other} {word} than {one}, by {_amount(amount)}, on {seeds} of {n} seeds {figures}"
 
 
 def _turned(difference: Interval) -> Interval:
@@ -123,9 +142,13 @@ def _turned(difference: Interval) -> Interval:
     return difference._replace(estimate=-difference.estimate, low=-difference.high, high=-difference.low)
 
 
-def _by(amount: Interval) -> str:
-    """How much, unless one of the two never got there."""
-    return "" if math.isinf(amount.estimate) else f"by {bounded(amount, figure)}, "
+def _amount(difference: Interval) -> str:
+    """How much, always with its interval or that there is none; infinite where one of the two never got there."""
+    how = " in the median" if difference.method == "ranks" else ""
+    shown = [figure(value).replace("never", "∞") for value in difference[:3]]
+    if math.isnan(difference.low):
+        return f"{shown[0]}{how} (too few seeds for an interval)"
+    return f"{shown[0]} [{shown[1]}, {shown[2]}]{how}"
 
 
 def _p(p: float) -> str:

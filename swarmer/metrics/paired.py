@@ -35,6 +35,7 @@ class SignTest(NamedTuple):
     p: float
     least_p: float  # the smallest that so many pairs can give
     method: str
+    direction: int  # to which side of 0 that what is flipped adds up: -1, 0, 1
 
 
 def bootstrap_mean(values: Sequence[float], level: float = LEVEL) -> Interval:
@@ -97,23 +98,26 @@ def sign_flips(values: Sequence[float]) -> SignTest:
     what = "signed ranks" if infinite else "mean"
     n = len(scores)
     if n == 0:
-        return SignTest(1.0, 1.0, f"sign flips of the {what}, exact")
-    far = abs(float(scores.sum())) * (1 - 1e-12)
+        return SignTest(1.0, 1.0, f"sign flips of the {what}, exact", 0)
+    whole = float(scores.sum())
+    direction = int(np.sign(whole))
+    far = abs(whole) - 1e-12 * float(np.abs(scores).sum())  # sums that differ by rounding alone are equal
     if n <= EXACT_PAIRS:
         signs = 1 - 2 * (
             (np.arange(2 ** (n - 1))[:, None] >> np.arange(n - 1)) & 1
         )  # the last one stays: by symmetry
         sums = np.abs(signs @ scores[:-1] + scores[-1])
-        return SignTest(float((sums >= far).mean()), 2.0 ** (1 - n), f"sign flips of the {what}, exact")
+        return SignTest(
+            float((sums >= far).mean()), 2.0 ** (1 - n), f"sign flips of the {what}, exact", direction
+        )
     rng = np.random.default_rng(SEED)
     hits = 0
     for start in range(0, FLIPS, 10_000):
         rows = min(10_000, FLIPS - start)
         signs = 1 - 2 * rng.integers(0, 2, size=(rows, n), dtype=np.int8)
         hits += int((np.abs(signs @ scores) >= far).sum())
-    return SignTest(
-        (hits + 1) / (FLIPS + 1), 1 / (FLIPS + 1), f"sign flips of the {what}, {FLIPS + 1:,} drawn"
-    )
+    drawn = f"sign flips of the {what}, {FLIPS + 1:,} drawn"
+    return SignTest((hits + 1) / (FLIPS + 1), 1 / (FLIPS + 1), drawn, direction)
 
 
 def holm(ps: Sequence[float]) -> list[float]:

@@ -96,8 +96,44 @@ def test_who_never_got_there(write):
     [time] = [pair for pair in comparison.pairs if pair.measure.timed]
     assert (time.better, time.less, time.more) == (("a",), 0, 7)
     text = " ".join(statements(comparison))
-    assert "b later than a, on 7 of 8 seeds" in text
+    assert "b later than a, by ∞ [0, ∞] in the median, on 7 of 8 seeds" in text
     assert [row[-2] for row in table_rows(comparison)][1:] == ["5.4 [5, 6.1]", "never [5, never] (1/8)"]
+
+
+def test_it_is_the_test_that_says_who_is_better_where_the_median_of_differences_is_0(write):
+    """Neither gets there on most seeds, and on all others a alone does."""
+    some = [*[""] * 8, *[5.0] * 6]
+    hds = [1.0] * 14
+    comparison = compare(table(write, rows_of("cat", "a", hds, some) + rows_of("cat", "b", hds, [""] * 14)))
+    [time] = [pair for pair in comparison.pairs if pair.measure.timed]
+    assert (time.difference.estimate, time.better) == (0.0, ("a",))
+    assert "b later than a, by 0 [0, ∞] in the median, on 6 of 14 seeds" in " ".join(statements(comparison))
+
+
+def test_without_enough_seeds_for_an_interval_the_line_says_so(write):
+    comparison = compare(table(write, rows_of("cat", "a", [1.0]) + rows_of("cat", "b", [2.0])))
+    assert "by 1 (too few seeds for an interval), less on 0 of 1 seeds" in " ".join(statements(comparison))
+    assert "median between two ranks (of fewer than 5 without an interval)" in method_lines(comparison)[0]
+
+
+@pytest.mark.parametrize("odd", ["nan", "inf", ""])
+def test_a_figure_that_is_none_is_left_out_with_its_partner_and_counted(write, odd):
+    rows = rows_of("cat", "a", BASE) + rows_of("cat", "b", [odd, *WORSE[1:]])
+    comparison = compare(table(write, rows))
+    hd = next(pair for pair in comparison.pairs if pair.measure.column == "hd_cells")
+    assert (hd.difference.n, hd.better) == (7, ("a",))
+    assert table_rows(comparison)[2][2].endswith(" (7/8)")
+
+
+def test_an_engine_that_does_not_count_rounds_is_not_said_to_need_more_of_them(write):
+    """Rounds have no seconds, and seconds no rounds: what neither can have is not something that it never reached."""
+    head = "engine,seed,status,emulated_s,rounds,time_to_hd_s.0.09,rounds_to_hd.0.09,run\n"
+    rows = [("rounds", seed, "done", "", 9, "", "" if seed == 1 else 5, f"r{seed}") for seed in range(1, 9)]
+    rows += [("virtual", seed, "done", 20, "", 4, "", f"v{seed}") for seed in range(1, 9)]
+    comparison = compare(table(write, rows, head))
+    assert comparison.pairs == []
+    assert [row[2:] for row in table_rows(comparison)[1:]] == [["5 [5, never] (7/8)", "–"], ["–", "4"]]
+    assert "rounds to HD < 0.09: not compared, as no seed has it of both: 1 pair." in method_lines(comparison)
 
 
 def test_too_few_seeds_say_so_and_how_many_would_do(write):
