@@ -15,20 +15,23 @@ settings.register_profile("fresh", deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
 
 
+def heard() -> None:
+    """Signals as in a terminal. Started by nohup or in the background, the suite would inherit ignored ones."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 def pytest_configure(config):
-    """Started by nohup, or in the background of a script, the suite inherits ignored signals, and so would runs."""
-    for number, rule in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
-        if signal.getsignal(number) is signal.SIG_IGN:
-            signal.signal(number, rule)
+    heard()
 
 
 @pytest.fixture(autouse=True)
-def signals_stay():
-    """A run that was played within a test is deaf at its end, for its process would be over then."""
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+def signals_are_heard():
+    """A run that is played by a test is deaf at its end, for its process would be over then."""
+    heard()
     yield
-    for number, rule in before.items():
-        signal.signal(number, rule)
+    heard()
 
 
 def pytest_addoption(parser):

@@ -101,6 +101,7 @@ with endings_wait() as let_them_come:
 def hearing():
     """As a terminal has it, and not as a job in the background."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
