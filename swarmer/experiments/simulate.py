@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from swarmer.errors import BadInput, shown
 from swarmer.experiments.worlds import Outcome, World, draw, play
-from swarmer.faults import from_data, simpler, smallest, to_data
+from swarmer.faults import Fault, from_data, simpler, smallest, to_data
 from swarmer.observe.files import write_text
 from swarmer.yaml_file import read_mapping
 
@@ -21,8 +21,9 @@ SHRINK_S = 60.0  # wall seconds, at most, to make a failing world small
 POINTS_MIN = 2
 PARTS = ("seed", "settings", "calm", "faults", "failure")
 EXTRAS = (  # what a world can go without, group by group
-    "radio.", "failure.", "transition.", "oracle.", "sensing.", "virtual.handling_ms", "accept_gap_ms",
-    "waiting_bound_ms", "lease_margin_ms", "epsilon_deg", "thaw.repeat", "deploy.",
+    "radio.", "failure.", "transition.", "oracle.", "battery.", "sensing.", "virtual.handling_ms", "accept_gap_ms",
+    "waiting_bound_ms", "lease_margin_ms", "epsilon_deg", "thaw.repeat", "thaw.rest_below_cells", "deploy.", "range.",
+    "flight", "eta", "technique", "challenge_", "anchor", "m", "virtual.latency",
 )  # fmt: skip
 
 
@@ -100,12 +101,21 @@ def with_points(world: World, count: int) -> World:
     settings = world.settings | {"points": count}
     if settings.get("oracle.count", 0) > count:
         settings["oracle.count"] = count
-    faults = [
-        fault._replace(where=tuple(fid for fid in fault.where if fid <= count))
-        for fault in world.schedule.faults
-        if fault.where[0] <= count
-    ]
-    return world._replace(settings=settings, schedule=world.schedule._replace(faults=tuple(faults)))
+    smallest_shape = min(count, settings.get("transition.points", count))
+    if settings.get("eta", 1) >= smallest_shape:
+        settings["eta"] = smallest_shape - 1
+    faults = (_within(fault, count) for fault in world.schedule.faults)
+    left = tuple(fault for fault in faults if fault is not None)
+    return world._replace(settings=settings, schedule=world.schedule._replace(faults=left))
+
+
+def _within(fault: Fault, count: int) -> Fault | None:
+    """The fault as far as it is one of the first `count` FLSs."""
+    where = tuple(fid for fid in fault.where if fid <= count)
+    source = tuple(fid for fid in fault.source if fid <= count)
+    if fault.swarm_of > count or not (where or fault.swarm_of) or (fault.source and not source):
+        return None
+    return fault._replace(where=where, source=source)
 
 
 # -- in a file -------------------------------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 from swarmer.config import load_config, setting_facts
 from swarmer.engines.virtual import VirtualEngine
 from swarmer.errors import RunFailed
+from swarmer.experiments.world_extras import draw_extras, draw_more_faults
 from swarmer.faults import Fault, Schedule
 from swarmer.observe.invariants import Checks, one_swarm_is_promised, one_swarm_within_s
 from swarmer.plan import Plan, make_plan
@@ -70,13 +71,19 @@ def draw(seed: int, given: Mapping[str, Any] | None = None) -> World:
     settings = draw_settings(rng, seed) | fixed
     calm_s = rng.uniform(2.0, 8.0)
     faults: list[Fault] = []
-    if rng.random() >= CALM_SHARE:
+    faulty = rng.random() >= CALM_SHARE
+    if faulty:
         settings |= draw_radio(rng, settings["lease_ms"])
         settings |= draw_failures(rng)
         faults = draw_faults(rng, settings["points"], settings["lambda_ms"] / 1e3, calm_s)
     settings |= draw_oracles(Random(f"soak oracle {seed}"), settings["points"])
     settings |= draw_transition(Random(f"soak shape {seed}"), settings, calm_s)
     settings |= draw_battery(Random(f"soak battery {seed}"), settings)
+    settings |= draw_extras(seed, settings, calm_s, faulty) | fixed
+    if faulty:
+        more = Random(f"soak air {seed}")
+        faults += draw_more_faults(more, settings["points"], settings["lambda_ms"] / 1e3, calm_s)
+        faults.sort(key=lambda fault: fault.at_s)
     return World(seed, settings | fixed, Schedule(tuple(faults), calm_s))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from swarmer.observe.invariants.base import Facts, Invariant, Life
+from swarmer.observe.invariants.base import TINY, Facts, Invariant, Life
 from swarmer.physics.flight import Velocity, duration
 
 if TYPE_CHECKING:
@@ -62,7 +62,9 @@ def one_swarm_is_promised(plan: Plan) -> bool:
     """The rules of this plan lead to one swarm in good weather, whatever has been.
 
     The radio must be quick enough for a challenge, its acceptance and the ACK within half a λ, and an FLS for the
-    challenges of all: else an FLS challenges anew before anybody can pair with it.
+    challenges of all: else an FLS challenges anew before anybody can pair with it. Challenges must reach the planned
+    neighbours: between real positions (`range.measured`) somebody may stand farther away than the display is long. And
+    FLSs that share one generator (`deploy.error`) may all challenge at the same moment, for ever.
     """
     config = plan.config
     quick = 6 * config.virtual.latency_max_ms <= config.lambda_ms
@@ -73,9 +75,19 @@ def one_swarm_is_promised(plan: Plan) -> bool:
         and config.epochs
         and config.probe_every > 0
         and config.lease_ms >= 20
+        and config.deploy.error == "own"
         and quick
         and able
+        and _reaches(plan)
     )
+
+
+def _reaches(plan: Plan) -> bool:
+    """Challenges come to reach every planned neighbour within ten turns."""
+    reach = plan.config.range
+    start = plan.diagonal_cells if reach.start_cells is None else reach.start_cells
+    far = plan.diagonal_cells <= start + 10 * reach.step_cells
+    return far and reach.measured == "ground_truth" and plan.diagonal_cells <= plan.rules.range_max + TINY
 
 
 def one_swarm_within_s(plan: Plan) -> float:
