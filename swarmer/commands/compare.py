@@ -18,11 +18,12 @@ if TYPE_CHECKING:
     from swarmer.experiments.runs import Run
 
 PAGE, PAIRS, FIGURES = "comparison.md", "pairs.csv", "figures"
+WIDTH = 110  # of what is said, where there is no terminal
 
 
 @click.command("compare")
 @click.argument("file", required=False)
-@click.option("--technique", "techniques", multiple=True, metavar="NAME,...", help="Techniques; may be repeated. [default: those that the engine has]")  # fmt: skip
+@click.option("--technique", "techniques", multiple=True, metavar="NAME,...", help="Techniques; may be repeated. One alone competes with those that the engine has. [default: these]")  # fmt: skip
 @click.option("--shape", "shapes", multiple=True, metavar="NAME|FILE,...", help="Shapes; may be repeated. [default: dragon]")  # fmt: skip
 @click.option("--engine", "engines", multiple=True, metavar="NAME,...", help="Engines. [default: the fastest that there is]")  # fmt: skip
 @click.option("--vary", multiple=True, metavar="KEY=VALUE,...", help="Values of any setting, as epsilon_deg=1,3,5; may be repeated.")  # fmt: skip
@@ -63,6 +64,7 @@ def command(
     """
     with ends_at_once():
         from swarmer.engines.limits import cores
+        from swarmer.experiments.comparison import check_measures
         from swarmer.experiments.contest import split
         from swarmer.experiments.runs import check_plans, expand, size
 
@@ -78,6 +80,7 @@ def command(
             )
         runs = expand(experiment)
         check_between(experiment, runs, split(between))
+        check_measures(split(measures))
         check_plans(runs, experiment.file)
         if dry_run:
             for run in runs:
@@ -150,10 +153,10 @@ def carry_out(
         draw(comparison, out / RESULTS, out / FIGURES)
     except OSError as error:
         raise RunFailed(f"cannot write {out / FIGURES}: {error.strerror}") from error
-    for line in [*aligned(table_rows(comparison)), "", *statements(comparison, only_first=True), ""]:
+    for line in [*aligned(table_rows(comparison)), ""]:
         click.echo(line)
-    for line in method_lines(comparison):
-        for part in wrapped(line, columns_of(sys.stdout, 110)):
+    for line in [*statements(comparison, only_first=True), "", *method_lines(comparison)]:
+        for part in wrapped(line, columns_of(sys.stdout, WIDTH)):
             click.echo(part)
     if late := unfaithful(out / RESULTS):
         click.echo(f"note: {late} runs are not faithful", err=True)

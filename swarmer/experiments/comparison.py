@@ -26,6 +26,7 @@ Row = dict[str, str]
 IN_ROUNDS = ("rounds_to_hd", "first_single_swarm_round")
 IN_SECONDS = ("time_to_hd_s", "first_single_swarm_s", "all_lit_s")
 CLOCKS = ("rounds", "emulated_s")  # a run that has no such column filled cannot say when, which is not never
+FREE = "fixes_failed."  # of a yardstick; the rest of the name is its own
 FIRST_CHOICES = ("technique", "engine")  # of what is compared, where nobody says
 
 
@@ -180,11 +181,27 @@ def _measures(asked: list[str], rows: list[Row], done: list[Row]) -> tuple[Measu
         found = [measure for measure in MEASURES if any(_number(row.get(measure.column)) for row in done)]
         return tuple(found)
     columns = list(rows[0]) if rows else []
+    numbers = [name for name in columns if all(_number(row[name]) for row in done if row[name])]
     for name in asked:
-        if name not in columns or not all(_number(row[name]) for row in done if row[name]):
-            hint = did_you_mean(name, columns)
-            raise BadInput.saying(f"measure: {shown(name)} is no column of numbers in results.csv;{hint}")
+        if name not in numbers:
+            raise _no_measure(name, numbers)
     return tuple(known.get(name, Measure(name, name)) for name in asked)
+
+
+def check_measures(asked: Iterable[str]) -> None:
+    """Raises BadInput, before anything runs, for what no run has a number of."""
+    from swarmer.observe.summary import number_names
+
+    names = number_names()
+    for name in asked:
+        if name not in names and not name.startswith(FREE):
+            raise _no_measure(name, names)
+
+
+def _no_measure(name: str, numbers: list[str]) -> BadInput:
+    usual = ", ".join(measure.column for measure in MEASURES if measure.column in numbers)
+    hint = did_you_mean(name, numbers) or f" such are {usual or ', '.join(numbers)}"
+    return BadInput.saying(f"measure: {shown(name)} is no column of numbers in results.csv;{hint}")
 
 
 def _number(text: str | None) -> bool:

@@ -37,12 +37,16 @@ def contest(
     seeds: str | None = None,
     **settings: Any,
 ) -> Experiment:
-    """The experiment. vary: texts `KEY=VALUE,VALUE`. settings: more of the base; None is not given. Raises BadInput."""
+    """The experiment. vary: texts `KEY=VALUE,VALUE`. settings: more of the base; None is not given. Raises BadInput.
+
+    Where techniques alone can compete, none stands for those that the engine has, and one for it beside them.
+    """
     engines = list(engines) or [default_engine()]
     grid: dict[str, Any] = {"shape": list(shapes) or ["dragon"]}
     varied = dict(map(_varied, vary))
-    if not techniques and len(engines) == 1 and not varied:
-        techniques = TECHNIQUES.get(engines[0], TECHNIQUES["virtual"])
+    if len(techniques) < 2 and len(engines) == 1 and not varied:
+        known = TECHNIQUES.get(engines[0], TECHNIQUES["virtual"])
+        techniques = list(dict.fromkeys([*known, *techniques]))
     base: dict[str, Any] = {"extends": config} if config else {}
     for name, values in (("technique", list(techniques)), ("engine", engines)):
         if len(values) > 1:

@@ -22,7 +22,9 @@ NAME_LENGTH = 120  # of a cell's folder; a longer name ends in a hash
 DIGITS = 8
 STRANGE = re.compile(r"[^A-Za-z0-9._=,+-]+")
 PLANNED_BY = (
-    "shape", "points", "duplicates", "eta", "neighbours", "technique", "sensing.model", "thaw.policy", "epochs",
+    "engine", "shape", "points", "duplicates", "eta", "neighbours", "rounds.dim", "technique", "sensing.model",
+    "thaw.policy", "epochs", "oracle.count", "transition.shape", "transition.points", "faults.schedule",
+    "faults.file",
 )  # fmt: skip
 """The settings that `make_plan` can refuse."""
 
@@ -104,7 +106,7 @@ def check_plans(runs: Iterable[Run], file: str) -> None:
     seen = set()
     for run in runs:
         flat = run.config.flat()
-        what = tuple(flat[name] for name in PLANNED_BY)
+        what = tuple(str(flat[name]) for name in PLANNED_BY)
         if what not in seen:
             seen.add(what)
             try:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from swarmer.engines.result import RunResult
-from swarmer.observe.progress import Progress
+from swarmer.engines.result import Lateness, RunResult
+from swarmer.observe.progress import THRESHOLDS, Progress
 
 if TYPE_CHECKING:
     from swarmer.plan import Plan
@@ -61,6 +61,32 @@ OF_A_TRANSITION = (
     "next_shape", "next_points", "next_at_s", "next_time_to_hd_s", "joins", "leaves", "assigned_cells_mean",
     "assigned_optimally",
 )  # fmt: skip
+
+
+# Names that hold no number, and those that hold several, by the names within.
+WORDS = (
+    "engine", "shape", "status", "message", "faithful", "trace_sha256", "invariant_violations", "converged",
+    "formation_rounds", "fixes_failed", "next_shape", "assigned_optimally",
+)  # fmt: skip
+HD_TIMES = ("time_to_hd_s", "time_to_hd_absolute_s", "next_time_to_hd_s", "rounds_to_hd")
+WITHIN = {
+    **dict.fromkeys(HD_TIMES, THRESHOLDS),
+    **dict.fromkeys(("timer_late_ms", "handled_late_ms"), Lateness._fields),
+}
+
+
+def number_names() -> list[str]:
+    """Every name of the summary of some run that can be a number, those within another as `time_to_hd_s.0.1`."""
+    import numpy as np
+
+    one = make_summary(Progress.of(np.zeros((2, 3))), RunResult("", "", 0.0, 0.0), "", 2, 0)
+    names: list[str] = []
+    for name in one:
+        if name in WITHIN:
+            names += [f"{name}.{inner}" for inner in WITHIN[name]]
+        elif name not in WORDS:
+            names.append(name)
+    return names
 
 
 def transition_facts(plan: Plan) -> dict[str, Any]:

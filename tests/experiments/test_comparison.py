@@ -1,19 +1,27 @@
 """What a comparison says of a table, by hand; and `swarmer compare` from its options to its pages."""
 
+import contextlib
 import csv
+import fcntl
 import json
+import os
 import signal
+import struct
 import subprocess
 import sys
+import termios
 
 import pytest
 
+from swarmer.config import RunConfig
 from swarmer.errors import BadInput
 from swarmer.experiments import contest as contests
-from swarmer.experiments.comparison import Measure, compare
+from swarmer.experiments.comparison import Measure, check_measures, compare
 from swarmer.experiments.contest import contest, default_engine
 from swarmer.experiments.experiment import FACTS
-from swarmer.experiments.runs import expand
+from swarmer.experiments.one_run import perform
+from swarmer.experiments.results import flat
+from swarmer.experiments.runs import check_plans, expand
 from swarmer.experiments.verdicts import markdown, method_lines, pairs_csv, statements, table_rows
 
 pytestmark = pytest.mark.timeout(300)  # whole commands, on a busy machine
@@ -168,6 +176,11 @@ def test_the_pages_say_the_same(write):
             ["hd_cell"],
             "measure: 'hd_cell' is no column of numbers in results.csv; did you mean 'hd_cells'?",
         ),
+        (
+            [],
+            ["x"],
+            "measure: 'x' is no column of numbers in results.csv; such are hd_cells, time_to_hd_s.0.09, ",
+        ),
         ([], ["message"], "measure: 'message' is no column of numbers"),
     ],
 )
@@ -185,6 +198,22 @@ def test_any_column_of_numbers_is_a_measure(write):
     assert compare(path, measures=["distance_cells_mean"]).measures == (
         Measure("distance_cells_mean", "cells flown by an FLS"),
     )
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"engine": "virtual", "duration_s": 3}, {"engine": "rounds", "technique": "trilateration"}],
+)
+def test_every_column_of_numbers_may_be_asked_for_and_no_other(tmp_path, settings):
+    config = RunConfig.from_flat({"shape": "sphere", "points": 12, **settings})
+    outcome = perform(config, tmp_path / "run")
+    assert outcome.status == "done", outcome.message
+    for name, value in flat(outcome.summary).items():
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            check_measures([name])
+        elif value is not None:
+            with pytest.raises(BadInput):
+                check_measures([name])
 
 
 # -- what is asked for -------------------------------------------------------------------------------------------------
@@ -213,6 +242,23 @@ def test_without_any_wish_the_techniques_of_the_engine_compete():
     assert block.grid["shape"] == ("dragon",)
     assert len(block.seeds) == contests.SEEDS
     assert engine in FACTS["engine"].words
+
+
+def test_one_technique_competes_with_those_that_the_engine_has():
+    alone = contest(["physical_movement"], [], ["rounds"], [], seeds="1")
+    names = [run.config.technique for run in expand(alone)]
+    assert names == [*contests.TECHNIQUES["rounds"], "physical_movement"]
+    varied = contest(["physical_movement"], [], ["rounds"], ["epsilon_deg=1,5"], seeds="1")
+    assert {run.config.technique for run in expand(varied)} == {"physical_movement"}
+
+
+def test_what_an_engine_cannot_do_is_refused_before_anything_runs():
+    """The other engine that is planned first has nothing against it."""
+    experiment = contest(["signal_strength", "triangulation"], ["cat"], ["rounds", "virtual"], [], seeds="1")
+    with pytest.raises(
+        BadInput, match="engine=virtual: technique: 'triangulation' is not allowed; it needs 3"
+    ):
+        check_plans(expand(experiment), experiment.file)
 
 
 @pytest.mark.parametrize(
@@ -280,6 +326,31 @@ def test_a_comparison_from_its_options_to_its_pages(tmp_path):
     )  # fmt: skip
 
 
+def test_what_is_said_fits_the_terminal(write, tmp_path):
+    """A table keeps its columns; sentences are broken between words."""
+    terminal, ours = os.openpty()
+    fcntl.ioctl(ours, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 60, 0, 0))
+    file = write("base: {engine: rounds, shape: butterfly}\ngrid: {epsilon_deg: [1, 5]}\nseeds: 6\n")
+    asked = ["compare", str(file), "--out", "o", "--jobs", "1", "--measure", "hd_cells"]
+    process = subprocess.run(
+        [sys.executable, "-c", COMPARE, *asked],
+        cwd=tmp_path,
+        stdout=ours,
+        stderr=subprocess.PIPE,
+        timeout=250,
+    )
+    os.close(ours)
+    said = b""
+    with contextlib.suppress(OSError):  # the terminal has gone
+        while part := os.read(terminal, 65536):
+            said += part
+    os.close(terminal)
+    assert process.returncode == 0, process.stderr
+    lines = said.decode().replace("\r", "").splitlines()
+    assert max(map(len, lines)) <= 60
+    assert "  5 more than 1, by" in "\n".join(lines)
+
+
 def test_an_experiment_file_can_be_compared(write, tmp_path):
     file = write(
         "base: {engine: virtual, shape: sphere, points: 12, duration_s: 2}\ngrid: {radio.loss: [0, 0.3]}\nseeds: 6\n"
@@ -318,10 +389,18 @@ def test_a_technique_that_fails_on_some_runs_is_told_and_the_rest_compared(tmp_p
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--technique", "signal_strength"], "between: nothing varies but the seed"),
+        (["--vary", "epsilon_deg=5"], "between: nothing varies but the seed"),
         (["--technique", "signal_strength,nonsense"], "technique: 'nonsense' is not allowed"),
         (["--shape", "dragn"], "no 'dragn'; did you mean 'dragon'?"),
         (["--between", "lambda_ms"], "between: 'lambda_ms' does not vary here"),
+        (
+            ["--measure", "status"],
+            "measure: 'status' is no column of numbers in results.csv; such are hd_cells, ",
+        ),
+        (
+            ["--measure", "hd_cells,time_to_hd"],
+            "'time_to_hd' is no column of numbers in results.csv; did you mean '",
+        ),
         (["loss_and_lambda", "--shape", "cat"], "--shape: not beside FILE"),
         (["nowhere.yaml"], "experiment: no file 'nowhere.yaml'"),
         (["--seeds", "100000"], "compare: these are 200,000 runs; more than 3,000 need --yes"),
