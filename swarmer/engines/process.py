@@ -108,20 +108,8 @@ class _Run(RealTimeRun):
         return self.result
 
     def _start_dispatcher(self) -> tuple[subprocess.Popen[bytes], socket.socket]:
-        ours, theirs = socket.socketpair()  # whatever fails from here on, the sockets go with what holds them
-        with theirs:
-            process = subprocess.Popen(
-                [sys.executable, "-m", "swarmer.engines.dispatcher", str(theirs.fileno()), str(self.shared.fd)],
-                pass_fds=(theirs.fileno(), self.shared.fd),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.PIPE,
-                start_new_session=True,  # a terminal's Ctrl-C reaches only the engine
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
-            )  # fmt: skip
-        ours.setblocking(False)
-        self._process = process
-        return process, ours
+        self._process, control = start_beside("swarmer.engines.dispatcher", self.shared.fd)
+        return self._process, control
 
     async def _hear_complaints(self, process: subprocess.Popen[bytes]) -> None:
         """What the dispatcher and its FLSs write to stderr."""
@@ -172,13 +160,7 @@ class _Run(RealTimeRun):
             await self._fail_with_last_words("the dispatcher process died")
 
     def _mean_memory_mb(self, processes: int) -> float | None:
-        """Mean private memory of about so many FLSs spread over all, MB."""
-        if self._process is None:
-            return None
-        pids = children_of(self._process.pid)
-        step = max(1, len(pids) // processes)
-        sizes = [size for pid in pids[::step] if (size := private_mb(pid)) is not None]
-        return sum(sizes) / len(sizes) if sizes else None
+        return None if self._process is None else mean_private_mb(self._process.pid, processes)
 
     def _dropped_by_kernel(self) -> int:
         return kernel_drops(self.port)
@@ -193,6 +175,32 @@ class _Run(RealTimeRun):
         # Before time 0 a wake-up is a rehearsal, which is timed by the wall clock.
         sent_at = time.monotonic() if self.clock.phase == Phase.WAIT else self.clock.now()
         say_to_all(self.lock, self.run_id, self.key, kind, epoch, self._numbers, sent_at)
+
+
+def start_beside(module: str, memory_fd: int, *fds: int) -> tuple[subprocess.Popen[bytes], socket.socket]:
+    """Start `python -m module CONTROL_FD MEMORY_FD [FD ...]`, and the end of its control socket that is ours."""
+    ours, theirs = socket.socketpair()  # whatever fails from here on, the sockets go with what holds them
+    with theirs:
+        handed = (theirs.fileno(), memory_fd, *fds)
+        process = subprocess.Popen(
+            [sys.executable, "-m", module, *map(str, handed)],
+            pass_fds=handed,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            start_new_session=True,  # a terminal's Ctrl-C reaches only the engine
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+        )  # fmt: skip
+    ours.setblocking(False)
+    return process, ours
+
+
+def mean_private_mb(dispatcher: int, processes: int) -> float | None:
+    """Mean private memory of about so many FLSs spread over all, MB. dispatcher: its process id."""
+    pids = children_of(dispatcher)
+    step = max(1, len(pids) // processes)
+    sizes = [size for pid in pids[::step] if (size := private_mb(pid)) is not None]
+    return sum(sizes) / len(sizes) if sizes else None
 
 
 def say_to_all(
