@@ -133,6 +133,7 @@ class Dispatcher:
     def _adopt(self, specs: list[FlsSpec]) -> bool:
         """Have these FLSs, too, whose host is gone: launch who replaces them; False if that cannot be."""
         self.specs.update((spec.fid, spec) for spec in specs)
+        self.clock.refresh()
         dark = self.hand.dark
         return all(self._replace(spec.fid) for spec in specs if self.replace and spec.fid not in dark)
 

@@ -333,13 +333,14 @@ class _Run(RealTimeRun):
         for fid in there.tolist():
             self._happened("failed", {"fid": fid, "t_s": now})
         self.copy.end(host.fids)
-        where = self._move(host.fids) if self.config.failure.replace else "nowhere"
-        self.observer.event(
-            Event(now, "host", 0, f"{host.name} is gone ({why}); its {len(host.fids)} FLSs go on {where}")
-        )
+        then = "are not replaced"
+        if self.config.failure.replace:
+            then = f"are replaced on {', '.join(self._move(host.fids))}"
+        text = f"{host.name} is gone ({why}); its {len(host.fids)} FLSs {then}"
+        self.observer.event(Event(now, "host", 0, text))
 
-    def _move(self, fids: NDArray[np.int64]) -> str:
-        """Replace FLSs on the hosts that are left; where that is, in words."""
+    def _move(self, fids: NDArray[np.int64]) -> list[str]:
+        """Replace FLSs on hosts that are left; the names of these."""
         alive = {host.index: host for host in self.alive}
         weights = {index: float(host.cores) for index, host in alive.items()}
         to = taken_over(self.points[:, 0], self.host_of, fids - 1, weights)
@@ -357,7 +358,7 @@ class _Run(RealTimeRun):
                 row[1] = max(int(incarnations[fid - 1]), self._incarnations.get(fid, 0)) + 1
                 rows.append(row)
             alive[index].channel.say({"do": "adopt", "fls": rows}, self.copy.slots(moved))
-        return ", ".join(f"on {alive[index].name}" for index in moves)
+        return [alive[index].name for index in moves]
 
     # -- time, speech, memory --------------------------------------------------------------------------------------
 
