@@ -18,6 +18,7 @@ import swarmer
 from swarmer.config_groups import (
     FAR,
     Battery,
+    Cluster,
     Deploy,
     Failure,
     Faults,
@@ -79,11 +80,10 @@ class RunConfig(Group):
         "sample exactly this many points of the shape",
         none="as many as the shape has",
     )
-    engine: Literal["process", "virtual", "rounds"] = choice(
+    engine: Literal["process", "virtual", "rounds", "cluster"] = choice(
         "process",
-        "what runs the FLSs: one process each, over UDP; one process for all, in virtual time; or no protocol at all, "
-        "round by round",
-        later=("cluster",),
+        "what runs the FLSs: one process each, over UDP; one process for all, in virtual time; no protocol at all, "
+        "round by round; or one process each, on many hosts",
     )
     seed: int = whole(1, "", 0, 4_294_967_295, "root of every random draw of the run")
     duration_s: float = number(60, "s", 0, FAR, "length of the run, from the go signal", above=True)
@@ -169,6 +169,7 @@ class RunConfig(Group):
     faults: Faults = Faults()
     recording: Recording = Recording()
     process: Process = Process()
+    cluster: Cluster = Cluster()
     virtual: Virtual = Virtual()
     rounds: Rounds = Rounds()
 
@@ -256,6 +257,7 @@ class RunConfig(Group):
             f"only {fact.only} has it"
             for fact in changed
             if fact.only not in ("", self.engine)
+            and not (self.engine == "cluster" and fact.only == "process")
         ]
         if self.engine == "rounds":
             of_protocol = [

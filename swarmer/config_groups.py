@@ -278,6 +278,48 @@ class Process(Group):
     pin: bool = flag(True, "keep each FLS process on one core", only="process")
 
 
+class Cluster(Group):
+    """The cluster engine alone: where its hosts are, and what is asked of them."""
+
+    address: str | None = text(
+        None, "address of Ray, as HOST:PORT, or auto", none="as RAY_ADDRESS says, else on this machine alone",
+        only="cluster",
+    )  # fmt: skip
+    nodes: int | None = whole(
+        None, "", 1, 10_000, "hosts to take from Ray, each another node", none="all nodes", only="cluster"
+    )
+    hosts: str | None = text(
+        None,
+        "hosts by name, without Ray, with commas between; localhost, also several times, is this machine",
+        none="by Ray",
+        only="cluster",
+    )
+    launch: str = text("ssh {host}", "cluster.hosts: what starts a program on {host}", only="cluster")
+    python: str | None = text(
+        None, "cluster.hosts: Python on the hosts", none="at the same path as here", only="cluster"
+    )
+    listen: str | None = text(
+        None,
+        "address at which the hosts reach this machine",
+        none="the one from which the first host, or Ray, is reached",
+        only="cluster",
+    )
+    flss_per_host: int | None = whole(
+        None, "", 1, FAR, "most FLSs on one host", none="as many as its limits allow", only="cluster"
+    )
+    clocks_apart_s: float = number(
+        1, "s", 0, FAR, "most that the time of day of a host may differ", above=True, only="cluster"
+    )
+    clock_bound_ms: float = number(
+        10, "ms", 0, 60_000, "how well the clock of each host must be known", above=True, only="cluster"
+    )
+    wall_patience_s: float = number(
+        5, "s", 0.5, 3600, "wall time: a host that is silent for longer is gone", only="cluster"
+    )
+    relay_loss: float = number(0, "p", 0, 1, "a datagram is lost between two hosts", only="cluster")
+    relay_delay_ms: float = number(0, "ms", 0, 60_000, "added to the way between two hosts", only="cluster")
+
+
 class Virtual(Group):
     """The virtual-time engine alone."""
 

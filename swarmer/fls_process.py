@@ -50,7 +50,7 @@ from swarmer.telemetry import (
     Thawed,
     Wire,
 )
-from swarmer.udp_wrapper import UdpWrapper, Wires
+from swarmer.udp_wrapper import RelayedUdpWrapper, UdpWrapper, Wires
 
 DEPARTED_EXIT = 18  # one that left to charge
 PLUGIN_EXIT = 19  # one whose plugin failed
@@ -87,7 +87,8 @@ class Fls(ChargedFls):
         )  # fmt: skip
         self._grid = Grid(run.steps_per_cell)
         self._cell = self._grid.of(spec.truth)
-        self.udp = UdpWrapper(
+        wrapper = RelayedUdpWrapper if run.wires.relay_port else UdpWrapper
+        self.udp = wrapper(
             self.ears, shared.directory(), run.wires, self._grid, spec.near, spec.distances,
             not run.rules.range_estimated,
         )  # fmt: skip

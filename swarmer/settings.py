@@ -89,7 +89,8 @@ class Setting:
     def explained(self) -> str:
         """The help, and which engine alone heeds the setting, where its group does not say so."""
         said = not self.only or self.name.startswith(f"{self.only}.")
-        return self.help if said else f"{self.help} (engine {self.only} only)"
+        engines = "engines process and cluster" if self.only == "process" else f"engine {self.only}"
+        return self.help if said else f"{self.help} ({engines} only)"
 
     @property
     def span(self) -> str:
@@ -249,9 +250,9 @@ def named(default: str, words: tuple[str, ...], group: str, help: str) -> Any:
     return _field(Setting("name", default, help, words=words, group=group))
 
 
-def text(default: str | None, help: str, none: str = "") -> Any:
+def text(default: str | None, help: str, none: str = "", only: str = "") -> Any:
     """A name that something else checks later; `none`: what null stands for."""
-    return _field(Setting("text", default, help, none=none))
+    return _field(Setting("text", default, help, none=none, only=only))
 
 
 def positions(default: tuple[tuple[float, ...], ...], unit: str, low: int, high: int, help: str) -> Any:

@@ -207,9 +207,13 @@ class Clock:
     def set(self, phase: Phase, scale: float, emulated_s: float | None = None) -> None:
         """Only the engine: another phase or scale, from this moment on (`emulated_s`: which it calls so)."""
         emulated = self.now() if emulated_s is None else emulated_s
+        self.write(phase, time.monotonic(), emulated, scale)
+
+    def write(self, phase: Phase, wall: float, emulated_s: float, scale: float) -> None:
+        """Only the engine, or whoever acts for it on this host: as `set`, from a moment of the monotonic clock on."""
         sequence = SEQUENCE.unpack_from(self._map, 0)[0]
         SEQUENCE.pack_into(self._map, 0, sequence + 1)
-        CONTROL.pack_into(self._map, 0, sequence + 1, phase, time.monotonic(), emulated, scale)
+        CONTROL.pack_into(self._map, 0, sequence + 1, phase, wall, emulated_s, scale)
         SEQUENCE.pack_into(self._map, 0, sequence + 2)
         self.refresh()
 
@@ -290,26 +294,49 @@ class Load(NamedTuple):
     epoch: int  # the newest
 
 
-class Reader:
-    """Looks at all slots; belongs to the engine, which has numpy."""
+class Rows:
+    """All slots as numpy has them."""
 
     RETRIES = (
         1000  # a writer that was stopped mid-write must not stop the reader: then the last good row stands
     )
 
-    def __init__(self, shared: SharedMemory, velocity: Velocity) -> None:
+    def __init__(self, shared: SharedMemory) -> None:
         import numpy as np
 
         self._np = np
-        self._velocity = velocity
-        self._clock = Clock(shared)
-        self._shared = shared
         self._slots = np.frombuffer(shared.map, dtype=_slot_dtype(), count=shared.count, offset=PAGE)
         self._last = self._slots.copy()
 
     def close(self) -> None:
         """Let go of the mapping."""
         del self._slots
+
+    def copy(self) -> NDArray[np.void]:
+        """(F,): every row is whole."""
+        np = self._np
+        rows = self._slots.copy()
+        torn = np.arange(len(rows))
+        for _ in range(self.RETRIES):
+            # A row is whole if its number was even and is still the same after the copy.
+            now = self._slots["sequence"][torn]
+            torn = torn[(rows["sequence"][torn] % 2 == 1) | (rows["sequence"][torn] != now)]
+            if not len(torn):
+                break
+            rows[torn] = self._slots[torn]
+        if len(torn):
+            rows[torn] = self._last[torn]
+        self._last = rows
+        return rows
+
+
+class Reader(Rows):
+    """Looks at all slots; belongs to the engine, which has numpy."""
+
+    def __init__(self, shared: SharedMemory, velocity: Velocity) -> None:
+        super().__init__(shared)
+        self._velocity = velocity
+        self._clock = Clock(shared)
 
     def life(self) -> NDArray[np.int8]:
         """(F,): how far each process has got."""
@@ -330,7 +357,7 @@ class Reader:
         """One look. The moment is that of the copy; every row is whole."""
         np = self._np
         t_s = self._clock.now()
-        rows = self._copy()
+        rows = self.copy()
         return Sample(
             t_s=t_s,
             position=self._positions(rows, t_s),
@@ -348,22 +375,6 @@ class Reader:
             timer_late=rows["timer_late"].sum(axis=0, dtype=np.int64),
             handled_late=rows["handled_late"].sum(axis=0, dtype=np.int64),
         )
-
-    def _copy(self) -> NDArray[np.void]:
-        np = self._np
-        rows = self._slots.copy()
-        torn = np.arange(len(rows))
-        for _ in range(self.RETRIES):
-            # A row is whole if its number was even and is still the same after the copy.
-            now = self._slots["sequence"][torn]
-            torn = torn[(rows["sequence"][torn] % 2 == 1) | (rows["sequence"][torn] != now)]
-            if not len(torn):
-                break
-            rows[torn] = self._slots[torn]
-        if len(torn):
-            rows[torn] = self._last[torn]
-        self._last = rows
-        return rows
 
     def _positions(self, rows: NDArray[np.void], t_s: float) -> NDArray[np.float64]:
         """`physics.flight.position_at` for all rows at once."""

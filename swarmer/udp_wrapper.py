@@ -45,6 +45,7 @@ class Wires(NamedTuple):
     unicast_max: int = 32
     kernel_filter: bool = True
     receive_buffer: int = 1 << 20
+    relay_port: int = 0  # of HOME, where the way to other hosts begins; 0: there are none
 
 
 def address_of(fid: int) -> str:
@@ -168,6 +169,53 @@ class UdpWrapper:
         return few if len(few) <= self.wires.unicast_max else None
 
 
+class RelayedUdpWrapper(UdpWrapper):
+    """As `UdpWrapper`, of a run that other hosts have a part in: what may concern them goes to the relay, too.
+
+    In the directory stands ELSEWHERE for every FLS of another host. The relay decides which hosts get it.
+    """
+
+    def _know(self, near: Sequence[int], distances: Sequence[float]) -> None:
+        super()._know(near, distances)
+        directory = self._directory
+        abroad = (far for fid, far in zip(near, distances, strict=True) if directory[fid - 1] == ELSEWHERE)
+        # The nearest FLS of another host is no nearer than this, cells.
+        self._beyond = next(abroad, float("inf") if self._sees_all else self._distances[-1])
+        self._relay = (HOME, self.wires.relay_port)
+
+    def tune(self, ears: Ears) -> None:
+        """As everywhere; the relay tells the other hosts whom to send what is for this swarm."""
+        super().tune(ears)
+        self._to_relay(RETUNED)
+
+    def send(self, data: bytes, message: Message) -> bool:
+        """As everywhere."""
+        if message.to == TO_FLS:
+            fid = message.addressee.xi
+            if fid > self._count or self._directory[fid - 1] != ELSEWHERE:
+                return super().send(data, message)
+            return self._to_relay(data)
+        sent = super().send(data, message)
+        if message.kind == CHALLENGE_INIT and self._ranged and message.range < self._beyond:
+            return sent
+        return self._to_relay(data) and sent
+
+    def _few(self, message: Message) -> Sequence[int] | None:
+        few = super()._few(message)
+        return few and [fid for fid in few if self._directory[fid - 1] != ELSEWHERE]
+
+    def _to_relay(self, data: bytes) -> bool:
+        try:
+            self.unicast.sendto(data, self._relay)
+        except OSError as error:
+            if error.errno not in NO_ROOM:
+                raise
+            return False
+        return True
+
+
+ELSEWHERE = 0xFFFFFFFF  # in the directory, in place of a Swarm-ID
+RETUNED = b"T"  # to the relay
 NO_ROOM = frozenset((errno.ENOMEM, errno.ENOBUFS, errno.EAGAIN, errno.ECONNREFUSED, errno.EPERM))
 
 

@@ -11,7 +11,7 @@ from swarmer.errors import BadInput
 SWARMER = Path(__file__).resolve().parent.parent / "swarmer"
 # What only the process engine runs; `specs.setup` besides, what its dispatchers are told.
 OF_PROCESSES = {
-    "engines/process.py", "engines/dispatcher.py", "engines/governor.py", "engines/trial.py", "engines/measured.py",
+    "engines/process.py", "engines/real_time.py", "engines/dispatcher.py", "engines/governor.py", "engines/trial.py", "engines/measured.py",
     "engines/limits.py", "engines/kernel_services.py", "engines/warm_up.py", "engines/doctor.py", "fls_process.py",
     "fls_loops.py", "udp_wrapper.py",
 }  # fmt: skip

@@ -123,7 +123,19 @@ class Dispatcher:
     def _command(self) -> bool:
         """Obey one line; False: end."""
         line = self._line()
-        return bool(line) and json.loads(line).get("command") != "stop"
+        if not line:
+            return False
+        said = json.loads(line)
+        if said["command"] == "adopt":
+            return self._adopt([fls_spec(row) for row in said["fls"]])
+        return said["command"] != "stop"
+
+    def _adopt(self, specs: list[FlsSpec]) -> bool:
+        """Have these FLSs, too, whose host is gone: launch who replaces them; False if that cannot be."""
+        self.specs.update((spec.fid, spec) for spec in specs)
+        self.clock.refresh()
+        dark = self.hand.dark
+        return all(self._replace(spec.fid) for spec in specs if self.replace and spec.fid not in dark)
 
     def _strike(self) -> bool:
         """Do what the fault schedule has for now, and end who hangs; False if a replacement cannot be launched."""
@@ -135,7 +147,8 @@ class Dispatcher:
         for pid in self.watch.given_up(now, self.clock.scale, lambda fid: Slot(self.shared, fid).beats()):
             self.hand.kill(pid)
         if self.hand.due_s() <= now:
-            launched = [self._replace(fid) for fid in self.hand.act(now, self.clock.scale)]
+            back = self.hand.act(now, self.clock.scale)
+            launched = [self._replace(fid) for fid in back if fid in self.specs]
             return all(launched)
         return True
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from swarmer.engines.cluster.engine import ClusterEngine
     from swarmer.engines.process import ProcessEngine
     from swarmer.engines.result import Witness
     from swarmer.engines.rounds import RoundsEngine
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 def make_engine(
     plan: Plan, witnesses: Sequence[Witness] = ()
-) -> ProcessEngine | VirtualEngine | RoundsEngine:
+) -> ProcessEngine | VirtualEngine | RoundsEngine | ClusterEngine:
     """A context that runs the plan once. Raises BadInput where this machine cannot take the run.
 
     witnesses: of a run in virtual time; processes have none.
@@ -28,6 +29,10 @@ def make_engine(
         from swarmer.engines.rounds import RoundsEngine
 
         return RoundsEngine(plan)
+    if plan.config.engine == "cluster":
+        from swarmer.engines.cluster.engine import ClusterEngine
+
+        return ClusterEngine(plan)
     from swarmer.engines.process import ProcessEngine
 
     return ProcessEngine(plan)

@@ -44,7 +44,7 @@ class Run(NamedTuple):
     @property
     def whole_machine(self) -> bool:
         """True if nothing else may run beside it: its FLSs are processes that must not be late."""
-        return self.config.engine == "process"
+        return self.config.engine in ("process", "cluster")
 
 
 def expand(experiment: Experiment) -> list[Run]:

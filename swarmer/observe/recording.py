@@ -62,7 +62,7 @@ class Recording:
         self.every = samples_between(len(truth), rate_hz, config.recording.positions_per_s)
         self._pump, self._viewer = Pump(stream, viewer), viewer
         # Real time is shown as it comes; what virtual time computes ahead of the viewer is played.
-        self._following = viewer is not None and config.engine == "process"
+        self._following = viewer is not None and config.engine in ("process", "cluster")
         self._look: Callable[[bool], Any] | None = None  # the blueprint, following or not
         self._rec: Any = rr.RecordingStream(
             "swarmer", recording_id=f"{plan.cloud.name}-{secrets.token_hex(4)}"

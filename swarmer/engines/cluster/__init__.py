@@ -1,0 +1,1 @@
+"""One run whose FLSs live on many hosts (docs/cluster.md)."""
