@@ -27,7 +27,7 @@ from swarmer.engines.limits import cores  # noqa: E402
 from swarmer.experiments.board import Board  # noqa: E402
 from swarmer.experiments.experiment import Experiment, experiment_of, find_experiment  # noqa: E402
 from swarmer.experiments.runs import expand, spelled  # noqa: E402
-from swarmer.experiments.sweep import sweep  # noqa: E402
+from swarmer.experiments.sweep import ThisMachine, sweep  # noqa: E402
 
 PAGE = ROOT / "docs" / "paper.md"
 TOO_FEW = "the interval holds the paper's value: more seeds would tell"
@@ -49,9 +49,8 @@ def main(arguments: list[str]) -> int:
     for name in QUICK if options.only is None else options.only:
         for preset in presets(name):
             experiment = quick(name, preset)
-            ended = sweep(
-                experiment, expand(experiment), home(options.out, name, preset), options.jobs, Board()
-            )
+            out = home(options.out, name, preset)
+            ended = sweep(experiment, expand(experiment), out, ThisMachine(options.jobs), Board())
             failed += len(ended.failures)
     PAGE.write_text(page(options.out), encoding="utf-8")
     print(f"{PAGE.relative_to(ROOT)}: written, after {time.monotonic() - began:.0f} s; {failed} runs failed")

@@ -15,6 +15,7 @@ import socket
 import threading
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
+from time import sleep
 
 from swarmer.fls import NEVER
 from swarmer.fls_process import Fls
@@ -22,6 +23,7 @@ from swarmer.messages import MAX_SIZE
 from swarmer.telemetry import Phase
 
 LONGEST_WAIT_S = 1.0  # wall seconds: how long a lost wake-up may go unnoticed
+FULL_WAIT_S = 0.002  # wall seconds that the network thread leaves the handler to itself when too much waits
 BURST = 64  # datagrams read from one socket before the other one has its turn
 
 
@@ -34,7 +36,9 @@ class Ear:
         self._view = memoryview(self._buffer)
 
     def drain(self, sock: socket.socket) -> None:
-        """Hear what is there, at most a burst of it."""
+        """Hear what is there, at most a burst of it; nothing while more waits already than is good."""
+        if self.fls.full:
+            return
         receive, hear, buffer, view = sock.recv_into, self.fls.receive, self._buffer, self._view
         try:
             for _ in range(BURST):
@@ -100,6 +104,8 @@ def _listen(fls: Fls, doorbell: SimpleQueue[None]) -> None:
     while fls.exit_status is None:
         for fd, _ in poll.poll(wall_wait(fls, fls.network_deadline()) * 1e3):
             ear.drain(sockets[fd])
+        if fls.full:
+            sleep(FULL_WAIT_S)
         if fls.network_deadline() != NEVER:
             fls.release()
         fls.clock.now()

@@ -54,6 +54,9 @@ from swarmer.udp_wrapper import RelayedUdpWrapper, UdpWrapper, Wires
 
 DEPARTED_EXIT = 18  # one that left to charge
 PLUGIN_EXIT = 19  # one whose plugin failed
+WAITING_MAX = (
+    4096  # messages taken off the sockets and not handled yet: some 4 MB; a thaw of 1,727 FLSs stays below
+)
 
 _BAD, _SEND_FAILED, _WOKEN = Wire.BAD, Wire.SEND_FAILED, Wire.WOKEN
 _WAIT, _GO, _STOP = Phase
@@ -167,6 +170,12 @@ class Fls(ChargedFls):
             self.transmit(message, stamp, self.network_counts)
 
     # -- the handler role ----------------------------------------------------------------------------------------
+
+    @property
+    def full(self) -> bool:
+        """So much waits that more is left to the kernel, whose buffer has an end, and which counts what it drops."""
+        queues = self.queues
+        return len(queues[0]) + len(queues[1]) + len(queues[2]) + len(self._held) >= WAITING_MAX
 
     @property
     def has_messages(self) -> bool:

@@ -7,6 +7,7 @@ import pytest
 
 from swarmer.config import load_config
 from swarmer.fls import MEASURED, NEVER
+from swarmer.fls_loops import BURST, Ear
 from swarmer.fls_process import Fls, RunSpec
 from swarmer.fls_spec import FlsSpec
 from swarmer.messages import NO_SWARM, Kind, Message, Stamp, Swarm, To, encode
@@ -14,9 +15,10 @@ from swarmer.plan import make_rules, make_velocity
 from swarmer.protocol.events import Due, Launch, Received, Timer
 from swarmer.state_machine import State
 from swarmer.telemetry import NOTHING_LEFT, Began, Phase, Reader, SharedMemory, Thawed, Wire
-from swarmer.udp_wrapper import HOME, Wires
+from swarmer.udp_wrapper import HOME, Wires, address_of
 
 RUN, SIZE = 5, 10
+HOME_OF_3 = address_of(3)
 
 
 @pytest.fixture
@@ -107,6 +109,32 @@ def test_what_is_not_for_it_is_counted_and_dropped(fls):
     assert counts[Wire.REPLAYED] == 1
     assert fls.step()
     assert not fls.step()
+
+
+def test_what_it_cannot_handle_in_time_stays_with_the_kernel(fls, monkeypatch):
+    """A flood of what looks right: what waits in the process has an end."""
+    monkeypatch.setattr("swarmer.fls_process.WAITING_MAX", 20)
+    ear, wires = Ear(fls), (HOME_OF_3, fls.run.wires.port)
+
+    def flood(first):
+        for number in range(first, first + 100):
+            message = Message(
+                Kind.CHALLENGE_FIN, 2, 0, 0, Swarm(2, 0), 1, (5.0, 0.0, 0.0), To.FLS, Swarm(3, 0)
+            )
+            mouth.sendto(encode(message, Stamp(RUN, number, (0.0, 0.0, 0.0), 0.0)), wires)
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mouth:
+        for turn in range(5):
+            flood(1 + 100 * turn)
+            for _ in range(10):
+                ear.drain(fls.udp.unicast)
+        waiting = sum(map(len, fls.queues))
+        assert 20 <= waiting < 20 + BURST
+        assert fls.step()
+        while fls.full:
+            fls.step()
+        ear.drain(fls.udp.unicast)
+        assert fls.network_counts[Wire.DELIVERED] > waiting, "it reads on once there is room"
 
 
 def thawed(fls):

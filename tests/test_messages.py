@@ -51,7 +51,7 @@ messages = st.builds(
     vector=points,
 )
 stamps = st.builds(
-    Stamp, u32, u32, points, st.floats(-1e12, 1e12), st.tuples(u32, u32, u32), u32
+    Stamp, u32, u32, points, st.floats(-LARGEST, LARGEST), st.tuples(u32, u32, u32), u32
 )  # fmt: skip
 EXAMPLE = (
     Message(
@@ -153,7 +153,7 @@ def test_any_body_behind_a_right_head(data):
         message, stamp = result
         numbers = (*message.truth, *message.vector, *stamp.origin, message.range, stamp.sent_at)
         assert all(map(math.isfinite, numbers))
-        assert all(abs(number) <= LARGEST for number in numbers[:-1])
+        assert all(abs(number) <= LARGEST for number in numbers)
 
 
 EXAMPLE_HEAD = encode(*EXAMPLE)[:4]
@@ -182,8 +182,6 @@ NUMBERS_AT = SIZE - 11 * 8  # range, three vectors, sent_at: the doubles
 @pytest.mark.parametrize("place", range(11))
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300, -1e300])
 def test_no_number_that_is_not_one(place, value):
-    if place == 10 and math.isfinite(value):
-        return  # sent_at only has to be finite
     assert reason(with_bytes(NUMBERS_AT + 8 * place, "!d", value)) == "number"
 
 

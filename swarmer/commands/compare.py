@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import sys
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from swarmer.commands.run import directory_named
-from swarmer.commands.sweep import MANY, MANY_LISTED, make, tell
+from swarmer.commands.sweep import MANY, MANY_LISTED, make, place_of, tell
 from swarmer.errors import BadInput, RunFailed
 from swarmer.interrupts import ends_at_once
 
 if TYPE_CHECKING:
     from swarmer.experiments.experiment import Experiment
     from swarmer.experiments.runs import Run
+    from swarmer.experiments.sweep import Place
 
 PAGE, PAIRS, FIGURES = "comparison.md", "pairs.csv", "figures"
 WIDTH = 110  # of what is said, where there is no terminal
@@ -63,7 +65,6 @@ def command(
     the last line of stdout, gets results.csv, pairs.csv, comparison.md and figures.
     """
     with ends_at_once():
-        from swarmer.engines.limits import cores
         from swarmer.experiments.comparison import check_measures
         from swarmer.experiments.contest import split
         from swarmer.experiments.runs import check_plans, expand, size
@@ -86,7 +87,7 @@ def command(
             for run in runs:
                 click.echo(run.path.as_posix())
             return
-    carry_out(experiment, runs, directory or home, jobs or cores(), split(between), split(measures))
+    carry_out(experiment, runs, directory or home, place_of(jobs), split(between), split(measures))
 
 
 def _experiment(
@@ -125,7 +126,12 @@ def check_between(experiment: Experiment, runs: list[Run], between: list[str]) -
 
 
 def carry_out(
-    experiment: Experiment, runs: list[Run], out: Path, jobs: int, between: list[str], measures: list[str]
+    experiment: Experiment,
+    runs: list[Run],
+    out: Path,
+    where: AbstractContextManager[Place],
+    between: list[str],
+    measures: list[str],
 ) -> None:
     """Make the runs, compare them, write and print what comes of it. Raises RunFailed, KeyboardInterrupt."""
     with ends_at_once():
@@ -143,7 +149,7 @@ def carry_out(
         from swarmer.observe.files import write_text
         from swarmer.observe.words import columns_of, wrapped
 
-    ended = make(experiment, runs, out, jobs)
+    ended = make(experiment, runs, out, where)
     if len(ended.failures) == ended.total:
         tell(ended, out)
     comparison = compare(out / RESULTS, between, measures)

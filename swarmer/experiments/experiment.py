@@ -1,24 +1,28 @@
 """An experiment as its file has it: settings to stand on, settings to vary, seeds; and where such files are found.
 
-A file holds `base` (settings), `grid` (setting: list of values), `seeds` (a count or a list), and, where one grid does
-not say it all, `blocks`: a list of entries with the same three, each of which adds to what the file says for all.
+A file holds `base` (settings), `grid` (setting: list of values), `list` (combinations one by one), `random` or
+`latin_hypercube` (samples over ranges), `seeds` (a count or a list), `needs` (cores and memory of a run), and, where
+that does not say it all, `blocks`: a list of entries with the same, each of which adds to what the file says for all.
 Everything wrong is refused here, with the line that the settings themselves have for it, before anything runs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from swarmer.config import setting_facts
 from swarmer.errors import BadInput, shown
+from swarmer.experiments.needs import needs_said
+from swarmer.experiments.samples import KINDS, Sample, sample_of
 from swarmer.settings import Refused, Setting, did_you_mean, unknown_line
 from swarmer.settings_file import flat_layers, flatten, preset_dir, preset_names
 from swarmer.yaml_file import read_mapping
 
-PARTS = ("base", "grid", "seeds")
+LIST, NEEDS = "list", "needs"
+PARTS = ("base", "grid", LIST, *KINDS, "seeds", NEEDS)
 BLOCKS = "blocks"
 SEED = "seed"
 SEEDS_MAX = 100_000  # in one block
@@ -30,11 +34,20 @@ FACTS: dict[str, Setting] = {fact.name: fact for fact in setting_facts()}
 
 @dataclass(frozen=True)
 class Block:
-    """One grid: every combination of its values, with every seed."""
+    """Every combination of a grid's values, with each entry of a list, each draw of a sample, and every seed."""
 
     own: dict[str, Any]  # settings that this block has and the file's base has not, or otherwise
     grid: dict[str, tuple[Any, ...]]
     seeds: tuple[int, ...]
+    listed: tuple[dict[str, Any], ...] = ()  # combinations given one by one
+    sample: Sample | None = None
+    needs: dict[str, float] = field(default_factory=dict)  # what is said of cores and memory
+
+    @property
+    def varied(self) -> list[str]:
+        """The settings that have several values, or may have."""
+        listed = [name for entry in self.listed for name in entry]
+        return list(dict.fromkeys([*listed, *(self.sample.ranges if self.sample else ()), *self.grid]))
 
 
 @dataclass(frozen=True)
@@ -139,6 +152,15 @@ def _others(extended: Mapping[str, Any], base: Mapping[str, Any], kept: set[str]
     return {name: value for name, value in extended.items() if name not in kept and value != before[name]}
 
 
+class _Common(NamedTuple):
+    """What a file says for all its blocks."""
+
+    grid: dict[str, tuple[Any, ...]]
+    listed: tuple[dict[str, Any], ...]
+    sample: Sample | None
+    needs: dict[str, float]
+
+
 class _Reader:
     """Reads one file, and collects all that is wrong with it."""
 
@@ -154,24 +176,31 @@ class _Reader:
         entries = self._blocks(whole.pop(BLOCKS, None))
         self._check_parts(whole, "", (*PARTS, BLOCKS))
         below, all_say = self._base(whole.get("base"), "base")
-        base, grid = below | QUIET | all_say, self._grid(whole.get("grid"), "grid")
-        self._check_apart(grid, all_say, "base")
-        common = self._seeds(whole.get("seeds", 1), "seeds")
+        base = below | QUIET | all_say
+        common = _Common(
+            self._grid(whole.get("grid"), "grid"),
+            *self._varied(whole, "", (), None),
+            self._needs(whole, "", {}),
+        )
+        self._check_apart(common.grid, common.listed, common.sample, all_say, "base")
+        seeds_of_all = self._seeds(whole.get("seeds", 1), "seeds")
         forced = self._check_values(flat_layers(None, overrides, {}, FACTS.values()), "--set")
         blocks = []
         for number, entry in enumerate(entries, 1):
             where = f"block {number}: "
             self._check_parts(entry, where, PARTS)
             extended, said = self._base(entry.get("base"), f"{where}base")
-            varied = grid | self._grid(entry.get("grid"), f"{where}grid")
-            self._check_apart(varied, said, f"{where}base")
-            self._check_apart(varied, forced, "--set")
+            grid = common.grid | self._grid(entry.get("grid"), f"{where}grid")
+            listed, sample = self._varied(entry, where, common.listed, common.sample)
+            self._check_apart(grid, listed, sample, said, f"{where}base")
+            self._check_apart(grid, listed, sample, forced, "--set")
+            its = self._seeds(entry["seeds"], f"{where}seeds") if "seeds" in entry else seeds_of_all
+            block = Block({}, grid, seeds or its, listed, sample, self._needs(entry, where, common.needs))
             own = _others(extended, base, {*QUIET, *all_say}) | said
-            own = {name: value for name, value in own.items() if name not in forced and name not in varied}
-            its = self._seeds(entry["seeds"], f"{where}seeds") if "seeds" in entry else common
-            blocks.append(Block(own, varied, seeds or its))
+            own = {name: value for name, value in own.items() if name not in {*forced, *block.varied}}
+            blocks.append(replace(block, own=own))
         if self.lines:
-            raise BadInput.saying(*self.lines)
+            raise BadInput.saying(*dict.fromkeys(self.lines))
         return Experiment(self.path.stem, base | forced, tuple(blocks), self.file)
 
     def _blocks(self, given: Any) -> list[dict[str, Any]]:
@@ -246,10 +275,66 @@ class _Reader:
                     self._say(where, FACTS[name].line(value, str(refused)))
         return good
 
-    def _check_apart(self, grid: Mapping[str, Any], base: Mapping[str, Any], where: str) -> None:
-        for name in grid:
-            if name in base:
-                self._say(where, f"{name}: stands in grid, too; give it once")
+    def _varied(
+        self, entry: Mapping[str, Any], where: str, listed: tuple[dict[str, Any], ...], sample: Sample | None
+    ) -> tuple[tuple[dict[str, Any], ...], Sample | None]:
+        """The list and the sample of the file or a block; those given where it says none of its own."""
+        if LIST in entry:
+            listed = self._list(entry[LIST], f"{where}{LIST}")
+        kinds = [kind for kind in KINDS if kind in entry]
+        if len(kinds) > 1:
+            self._say(f"{where}{kinds[1]}", f"stands beside {kinds[0]}; give one of them, or two blocks")
+        elif kinds:
+            try:
+                sample = sample_of(kinds[0], entry[kinds[0]], FACTS)
+                self._check_values({name: None for name in sample.ranges if name == SEED}, where + kinds[0])
+            except BadInput as error:
+                self.lines += [f"{self.file}: {where}{line}" for line in error.lines]
+        return listed, sample
+
+    def _list(self, given: Any, where: str) -> tuple[dict[str, Any], ...]:
+        """Combinations, each a mapping of settings."""
+        if not isinstance(given, list) or not given or not all(isinstance(entry, dict) for entry in given):
+            self._say(where, f"{shown(given)} is not a list of settings, such as [{{eta: 3}}, {{eta: 4}}]")
+            return ()
+        entries: list[dict[str, Any]] = []
+        for number, entry in enumerate(given, 1):
+            place = f"{where} entry {number}"
+            try:
+                checked = self._check_values(flatten(entry, FACTS, place), place)
+            except BadInput as error:
+                self._say(place, *error.lines)
+                continue
+            if checked in entries:
+                self._say(place, "is given twice")
+            entries.append(checked)
+        return tuple(entries)
+
+    def _needs(self, entry: Mapping[str, Any], where: str, common: dict[str, float]) -> dict[str, float]:
+        try:
+            return common | needs_said(entry[NEEDS]) if NEEDS in entry else common
+        except BadInput as error:
+            self.lines += [f"{self.file}: {where}{line}" for line in error.lines]
+            return common
+
+    def _check_apart(
+        self,
+        grid: Mapping[str, Any],
+        listed: tuple[dict[str, Any], ...],
+        sample: Sample | None,
+        base: Mapping[str, Any],
+        where: str,
+    ) -> None:
+        """A setting is given in one place."""
+        places = [("grid", set(grid)), (LIST, {name for entry in listed for name in entry})]
+        places += [(sample.kind, set(sample.ranges))] if sample else []
+        for at, (place, names) in enumerate(places):
+            for name in names:
+                if name in base:
+                    self._say(where, f"{name}: stands in {place}, too; give it once")
+                for other, others in places[at + 1 :]:
+                    if name in others:
+                        self._say(other, f"{name}: stands in {place}, too; give it once")
 
     def _seeds(self, given: Any, where: str) -> tuple[int, ...]:
         try:

@@ -13,6 +13,7 @@ from swarmer.observe.run_directory import SUMMARY, RunDirectory
 
 if TYPE_CHECKING:
     from swarmer.config import RunConfig
+    from swarmer.plan import Plan
 
 DISK_FULL = {errno.ENOSPC, errno.EDQUOT}
 
@@ -26,29 +27,32 @@ class Outcome(NamedTuple):
     disk_full: bool = False  # then no other run can go on either
 
 
-def perform(config: RunConfig, path: Path) -> Outcome:
-    """Make one run, whatever an earlier, unfinished one left in its directory; never raises but for Ctrl-C."""
+def perform(config: RunConfig, path: Path, plan: Plan | None = None) -> Outcome:
+    """Make one run, whatever an earlier, unfinished one left in its directory; never raises but for Ctrl-C.
+
+    plan: of these settings, where it cannot be made here: the file of the shape lies on another machine.
+    """
     try:
-        return _perform(config, path)
+        return _perform(config, path, plan)
     except SwarmerError as error:
-        return Outcome("failed", str(error), disk_full=_disk_full(error))
+        return Outcome("failed", str(error), disk_full=disk_full(error))
     except Exception as error:  # a fault of ours: it must not end the other runs
         return Outcome("failed", _fault(error))
 
 
-def _perform(config: RunConfig, path: Path) -> Outcome:
+def _perform(config: RunConfig, path: Path, plan: Plan | None) -> Outcome:
     from swarmer.engines.named import make_engine
     from swarmer.observe.collector import Collector
     from swarmer.plan import make_plan
 
-    plan = make_plan(config)
+    plan = plan or make_plan(config)
     _make_way(path)
     with make_engine(plan) as engine:
         collector = Collector(RunDirectory.create(path, config.shape, config.seed, sys.argv))
         result = engine.run(collector)
     summary = collector.finish(result)
     status = str(summary.get("status"))
-    full = collector.failure is not None and _disk_full(collector.failure)
+    full = collector.failure is not None and disk_full(collector.failure)
     return Outcome(status, summary.get("message") or "", summary, full)
 
 
@@ -60,7 +64,8 @@ def _make_way(path: Path) -> None:
         raise RunFailed(f"cannot clear {path}: {error.strerror}") from error
 
 
-def _disk_full(failure: BaseException) -> bool:
+def disk_full(failure: BaseException) -> bool:
+    """Did it fail because nothing more can be written?"""
     cause = failure.__cause__ or failure.__context__
     return isinstance(cause, OSError) and cause.errno in DISK_FULL
 

@@ -33,6 +33,12 @@ DIED = "its process died; was it killed, or out of memory?"
 
 
 Work = Callable[[Any, Path], Any]
+Fits = Callable[[Any, list[Any]], bool]
+
+
+def always(run: Any, beside: list[Any]) -> bool:
+    """Any run may begin as soon as a worker is free."""
+    return True
 
 
 def make_run(run: Run, out: Path) -> Outcome:
@@ -73,11 +79,16 @@ class Pool:
         self._ear.close()
 
     def outcomes(
-        self, runs: Iterable[Any], started: Callable[[Any], None], tick: Callable[[], None]
+        self,
+        runs: Iterable[Any],
+        started: Callable[[Any], None],
+        tick: Callable[[], None],
+        fits: Fits = always,
     ) -> Iterator[tuple[Any, Any]]:
         """Make the runs, as many at a time as there are workers, and give each as it ends.
 
-        started: told of a run that begins. tick: called several times a second.
+        started: told of a run that begins. tick: called several times a second. fits: may a run begin beside those
+        that are at work? If not, it waits, and all behind it.
         """
         coming, free = iter(runs), deque(range(self._jobs))
         waiting = list(islice(coming, 1))  # the next one, if there is any
@@ -85,7 +96,9 @@ class Pool:
         ended: list[tuple[Any, Any]] = []
         while waiting or running:
             begun = []
-            while waiting and free:  # before anybody looks at what has ended: no worker waits for that
+            while (
+                waiting and free and fits(waiting[0], [run for _, run in running.values()])
+            ):  # before anybody looks at what has ended: no worker waits for that
                 slot, run = free.popleft(), waiting.pop()
                 waiting = list(islice(coming, 1))
                 running[self._begin(slot, run)] = (slot, run)

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from swarmer.errors import BadInput
 from swarmer.experiments.runs import Run, spelled
 from swarmer.observe.files import write_text
 
@@ -59,6 +60,16 @@ class Results:
         rows = [self._ended[run.path] for run in self._runs if run.path in self._ended]
         rows.sort(key=lambda row: row.get(STATUS) != "done")
         return list(dict.fromkeys(name for row in rows for name in row))
+
+
+def check_ours(path: Path) -> None:
+    """Raises BadInput for a file in the table's place that is none of ours: it would be written over."""
+    try:
+        if path.exists():
+            read_results(path)
+    except (OSError, ValueError) as error:
+        reason = str(getattr(error, "strerror", None) or error).removeprefix(f"{path}: ")
+        raise BadInput("out", str(path), f"another directory, or none: {reason}") from None
 
 
 def flat(summary: Mapping[str, Any]) -> dict[str, Any]:

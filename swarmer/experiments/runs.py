@@ -9,13 +9,14 @@ from __future__ import annotations
 import hashlib
 import itertools
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from swarmer.config import RunConfig
 from swarmer.errors import BadInput
 from swarmer.experiments.experiment import SEED, Block, Experiment
+from swarmer.experiments.needs import Needs, needs_of
 from swarmer.settings import as_yaml
 
 NAME_LENGTH = 120  # of a cell's folder; a longer name ends in a hash
@@ -29,12 +30,16 @@ PLANNED_BY = (
 """The settings that `make_plan` can refuse."""
 
 
+NOTHING_SAID: Mapping[str, float] = {}
+
+
 class Run(NamedTuple):
     """One run of an experiment."""
 
     cell: str  # the folder of its cell; empty in an experiment that varies nothing but the seed
     varied: dict[str, Any]  # what its block says of it: setting to value
     config: RunConfig  # all of it, with the seed
+    said_needs: Mapping[str, float] = NOTHING_SAID  # of cores and memory
 
     @property
     def path(self) -> Path:
@@ -44,7 +49,12 @@ class Run(NamedTuple):
     @property
     def whole_machine(self) -> bool:
         """True if nothing else may run beside it: its FLSs are processes that must not be late."""
-        return self.config.engine in ("process", "cluster")
+        return self.needs.machine
+
+    @property
+    def needs(self) -> Needs:
+        """What it needs of a machine."""
+        return needs_of(self.config, self.said_needs)
 
 
 def expand(experiment: Experiment) -> list[Run]:
@@ -57,7 +67,8 @@ def expand(experiment: Experiment) -> list[Run]:
         for varied in combinations(block):
             config = _config(experiment, varied)
             for seed in block.seeds:
-                run = Run(cell_name(varied), varied, config.model_copy(update={SEED: seed}))
+                seeded = config.model_copy(update={SEED: seed})
+                run = Run(cell_name(varied), varied, seeded, block.needs)
                 runs.setdefault(tuple(map(as_yaml, run.config.flat().values())), run)
     return list(runs.values())
 
@@ -69,12 +80,14 @@ def size(experiment: Experiment) -> int:
 
 def combinations(block: Block) -> Iterator[dict[str, Any]]:
     """What each cell of a block says, the last setting of its grid changing first."""
-    for values in itertools.product(*block.grid.values()):
-        yield block.own | dict(zip(block.grid, values, strict=True))
+    listed, draws = block.listed or ({},), block.sample.draws() if block.sample else [{}]
+    for one, draw in itertools.product(listed, draws):
+        for values in itertools.product(*block.grid.values()):
+            yield block.own | one | draw | dict(zip(block.grid, values, strict=True))
 
 
 def _cells(block: Block) -> int:
-    number = 1
+    number = max(len(block.listed), 1) * (block.sample.n if block.sample else 1)
     for values in block.grid.values():
         number *= len(values)
     return number
@@ -95,7 +108,7 @@ def by_seed(runs: Iterable[Run]) -> list[Run]:
 
 def varied_names(experiment: Experiment) -> list[str]:
     """Every setting that a block says something of, in the order of the file."""
-    names = (name for block in experiment.blocks for name in (*block.own, *block.grid))
+    names = (name for block in experiment.blocks for name in (*block.own, *block.varied))
     return list(dict.fromkeys(names))
 
 

@@ -16,9 +16,10 @@ import yaml
 
 import swarmer
 from swarmer.errors import BadInput, RunFailed, shown
-from swarmer.experiments.experiment import FACTS, Experiment
+from swarmer.experiments.experiment import FACTS, Block, Experiment
 from swarmer.experiments.results import RESULTS
 from swarmer.experiments.runs import Run
+from swarmer.experiments.samples import KINDS
 from swarmer.observe.files import TEMPORARY, write_text
 from swarmer.observe.run_directory import DISK_FULL, MANIFEST, ROOT, SUMMARY, hold, let_go
 from swarmer.settings import as_yaml
@@ -180,13 +181,19 @@ def home_of(experiment: Experiment, file: Path) -> tuple[Experiment, Path]:
 def as_file(experiment: Experiment) -> str:
     """The experiment as a file that `swarmer sweep` takes: presets resolved, overrides in it."""
     base = {name: value for name, value in experiment.base.items() if value != FACTS[name].default}
-    blocks = [
-        {"base": block.own, "grid": block.grid, "seeds": list(block.seeds)} for block in experiment.blocks
-    ]
+    blocks = [_block_as_file(block) for block in experiment.blocks]
     head = f"# The experiment {experiment.name}, by swarmer {swarmer.__version__}; `swarmer sweep FILE` takes it\n"
     return head + yaml.safe_dump(
         _plain({"base": base, "blocks": blocks}), sort_keys=False, allow_unicode=True
     )
+
+
+def _block_as_file(block: Block) -> dict[str, Any]:
+    """The parts of a block; those that few have only where they say something."""
+    rare = {"list": block.listed, "needs": block.needs}
+    rare |= {block.sample.kind: block.sample.plain()} if block.sample else {}
+    parts = {"base": block.own, "grid": block.grid, "seeds": list(block.seeds)}
+    return parts | {name: part for name, part in rare.items() if part}
 
 
 def _plain(value: Any) -> Any:
@@ -207,7 +214,9 @@ def _sayings(text: str) -> dict[str, str]:
             where = f"block {number} " if len(whole["blocks"]) > 1 else ""
             said |= {f"{where}base: {name}": as_yaml(value) for name, value in block["base"].items()}
             said |= {f"{where}grid: {name}": as_yaml(value) for name, value in block["grid"].items()}
-            said[f"{where}seeds"] = as_yaml(block["seeds"])
+            said |= {
+                f"{where}{part}": as_yaml(block[part]) for part in ("seeds", "list", *KINDS) if part in block
+            }
     except (yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError):
         return {}
     return {name: shown(value, VALUE_LENGTH).strip("'") for name, value in said.items()}

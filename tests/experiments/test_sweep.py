@@ -70,7 +70,7 @@ class Quiet(Board):
 
 def in_process(file, out, jobs=1):
     experiment = read_experiment(str(file))
-    return sweeps.sweep(experiment, expand(experiment), out, jobs, Quiet())
+    return sweeps.sweep(experiment, expand(experiment), out, sweeps.ThisMachine(jobs), Quiet())
 
 
 def test_a_sweep_leaves_a_directory_for_each_run_and_one_table(write, tmp_path):
@@ -290,6 +290,18 @@ def test_a_file_of_someone_else_that_is_called_like_ours_is_not_overwritten(name
     assert (tmp_path / "o" / name).read_text() == "mine\n"
 
 
+@pytest.mark.parametrize(
+    "text", ["a,b\n1,2\n", "", "\0\1", "PK\x03\x04"], ids=["columns", "empty", "bytes", "zip"]
+)
+def test_a_table_of_another_format_is_refused_and_stays(text, write, tmp_path):
+    in_process(write(TINY), tmp_path / "o")
+    (tmp_path / "o" / "results.csv").write_text(text)
+    with pytest.raises(BadInput, match=r"results.csv' is not allowed; .* is not a table of runs"):
+        in_process(write(TINY.replace("seeds: 2", "seeds: 3")), tmp_path / "o")
+    assert (tmp_path / "o" / "results.csv").read_text() == text
+    assert len(summaries(tmp_path / "o")) == 4
+
+
 def test_a_sweep_that_was_killed_with_its_first_breath_is_taken_up(write, tmp_path):
     (tmp_path / "o").mkdir()
     (tmp_path / "o" / "experiment.yaml.tmp").touch()
@@ -382,7 +394,7 @@ def test_a_full_disk_is_known_from_other_failures(full_disk, write, tmp_path):
 
 def test_a_full_disk_ends_the_sweep(write, tmp_path, monkeypatch):
     class FullPool(Pool):
-        def outcomes(self, runs, started, tick):
+        def outcomes(self, runs, started, tick, fits):
             yield runs[0], sweeps.Outcome("failed", "cannot write x: No space left on device", disk_full=True)
             raise AssertionError("went on")
 
@@ -417,7 +429,7 @@ def test_runs_of_processes_are_made_alone_and_last(write, tmp_path):
             running.discard(run.path)
 
     experiment = read_experiment(str(file))
-    ended = sweeps.sweep(experiment, expand(experiment), tmp_path / "o", 2, Watch())
+    ended = sweeps.sweep(experiment, expand(experiment), tmp_path / "o", sweeps.ThisMachine(2), Watch())
     assert not ended.failures
     assert list(map(str, most)) == [
         "engine=virtual/seed-1", "engine=virtual/seed-2", "engine=process/seed-1", "engine=process/seed-2",
