@@ -70,6 +70,7 @@ class Agent:
         self._lock: socket.socket | None = None
         self._memory_mb: float | None = None
         self._relay_says: dict[str, Any] = {}
+        self._relay_answered = True
 
     async def serve(self) -> None:
         """Until it is over."""
@@ -152,6 +153,7 @@ class Agent:
                 "swarmer.engines.cluster.relay", outside.fileno(), inside.fileno()
             )
             address = outside.getsockname()
+        self._ports = [run["wires"]["port"], run["wires"]["relay_port"], address[1]]
         self._copier = Copier(self.shared, self.fids)
         tell(self._relay, relay | {
             "flss": count, "mac": run["key"], "wires": run["wires"], "here": self.fids, "seed": run["seed"],
@@ -211,10 +213,8 @@ class Agent:
         """A last copy, with all that is known."""
         tell(self._relay, {})
         await asyncio.sleep(COPY_S)
-        self._send_copy(
-            looked=True, drops=kernel_drops(self._lock.getsockname()[1]) if self._lock else 0,
-            memory_mb=self._mean_memory_mb(said["weigh"]),
-        )  # fmt: skip
+        drops = sum(map(kernel_drops, self._ports))
+        self._send_copy(looked=True, drops=drops, memory_mb=self._mean_memory_mb(said["weigh"]))
 
     async def _stop(self, _: dict[str, Any], __: bytes) -> None:
         with contextlib.suppress(OSError):
@@ -226,7 +226,9 @@ class Agent:
         while True:
             self._send_copy()
             await self.channel.drain()
-            tell(self._relay, {})
+            if self._relay_answered:
+                self._relay_answered = False
+                tell(self._relay, {})
             await asyncio.sleep(COPY_S)
 
     def _send_copy(self, **more: Any) -> None:
@@ -258,7 +260,7 @@ class Agent:
         reader, _ = await asyncio.open_connection(sock=self._relay, limit=LINE_MAX)
         with contextlib.suppress(ConnectionError):
             while line := await reader.readline():
-                self._relay_says = json.loads(line)
+                self._relay_says, self._relay_answered = json.loads(line), True
         await asyncio.to_thread(program.wait)
         self.channel.say({"is": "stderr", "text": "the relay process died"})
         await self.channel.drain()

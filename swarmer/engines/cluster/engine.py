@@ -60,9 +60,13 @@ class ClusterEngine:
                 )
             self._gathering = Gathering(plan.config.cluster, self._launcher, names)
             self._hosts = self._runner.run(self._gathering.gather())
-            self._host_of = self._share_out()
         except BaseException:
             self._close()
+            raise
+        try:
+            self._host_of = self._share_out()
+        except BadInput:
+            self.__exit__()
             raise
 
     def __enter__(self) -> Self:
