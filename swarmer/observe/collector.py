@@ -81,7 +81,7 @@ class Collector:
         from swarmer.observe.live import open_viewer
 
         try:
-            return open_viewer(self._live)
+            return open_viewer(self._live, self.directory.path.resolve().name)
         except RunFailed as failure:
             self._tell(f"warning: {failure}; the run goes on")
             return None

@@ -23,15 +23,13 @@ from swarmer.observe.viewer import (
     free_port,
     native_command,
     serves_viewers,
-    web_address,
-    web_command,
 )
 from swarmer.observe.viewer_process import quiet_environment
 
 WAYS = ("auto", "desktop", "web")
 HELD_MAX = 128 << 20  # bytes that may wait for a viewer
 CLOSE_S = 2.0  # how long the end of a run waits for a viewer to read the rest
-FORWARD_GRACE_S, WEB_GRACE_S = 5.0, 1.0  # how long a viewer may take for the rest after that
+FORWARD_GRACE_S = 5.0  # how long a viewer that was there may take for the rest after that
 
 _left_open: list[subprocess.Popen[bytes]] = []  # desktop viewers: the user closes them
 
@@ -45,10 +43,10 @@ def check_way(way: str) -> str:
     )
 
 
-def open_viewer(way: str) -> LiveViewer:
+def open_viewer(way: str, title: str) -> LiveViewer:
     """Start a viewer, or find one: auto is the one that is there, else the desktop's, else a page.
 
-    Raises RunFailed, in one line, where there is none to be had.
+    title: any text, what the page is called. Raises RunFailed, in one line, where there is none to be had.
     """
     if way == "auto":
         if serves_viewers(GRPC_PORT):
@@ -57,7 +55,7 @@ def open_viewer(way: str) -> LiveViewer:
     try:
         if way == "desktop":
             return _desktop()
-        return _page() if way == "web" else _there(int(way))
+        return _page(title) if way == "web" else _there(int(way))
     except OSError as error:
         raise RunFailed(f"the live viewer did not start: {error}") from None
 
@@ -76,15 +74,23 @@ def _desktop() -> LiveViewer:
     return LiveViewer(native_command((STDIN,), free_port()), ["live: rerun's viewer opens"], stays=True)
 
 
-def _page() -> LiveViewer:
-    grpc, page = free_port(GRPC_PORT), free_port(WEB_PORT)
-    address, host = web_address(grpc, page), socket.gethostname()
-    tunnel = f"ssh -L {page}:{HOST}:{page} -L {grpc}:{HOST}:{grpc} {host}"
-    lines = [
-        f"live: {address} until the run ends",
-        f"live: from another machine, {tunnel} and the same address there",
-    ]
-    return LiveViewer(_kept(WEB_GRACE_S, web_command((STDIN,), grpc, page)), lines)
+def _page(title: str) -> LiveViewer:
+    with _listening() as page:
+        port, host = page.getsockname()[1], socket.gethostname()
+        command = [sys.executable, "-m", "swarmer.observe.live_page", str(page.fileno()), title]
+        lines = [
+            f"live: http://{HOST}:{port}/ until the run ends",
+            f"live: from another machine, ssh -L {port}:{HOST}:{port} {host} and the same address there",
+        ]
+        return LiveViewer(command, lines, page=page)
+
+
+def _listening() -> socket.socket:
+    """On the usual port of a page, or any that is free. Raises OSError."""
+    try:
+        return socket.create_server((HOST, WEB_PORT))
+    except OSError:
+        return socket.create_server((HOST, 0))
 
 
 def _kept(grace_s: float, command: list[str]) -> list[str]:
@@ -95,8 +101,13 @@ def _kept(grace_s: float, command: list[str]) -> list[str]:
 class LiveViewer:
     """A process that is given bytes, as long as it takes them."""
 
-    def __init__(self, command: list[str], lines: list[str], stays: bool = False) -> None:
-        """lines: what the user should know of it. stays: it outlives the run. Raises OSError."""
+    def __init__(
+        self, command: list[str], lines: list[str], stays: bool = False, page: socket.socket | None = None
+    ) -> None:
+        """lines: what the user should know of it. stays: it outlives the run. Raises OSError.
+
+        page: where it is to listen; the process has it under the same number, and ours may be closed.
+        """
         self._lines = list(lines)
         self._queue: deque[bytes] = deque()
         self._held = 0
@@ -108,6 +119,7 @@ class LiveViewer:
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
+            pass_fds=() if page is None else (page.fileno(),),
             start_new_session=True,  # a terminal's Ctrl-C ends the run, not what one looks at
             env={**quiet_environment(), "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
         )

@@ -1,5 +1,7 @@
 """The page of `swarmer replay --web`: rerun's viewer, the recording, and nothing that is not on this machine.
 
+`live_page` serves the same page with a recording that still grows.
+
 rerun's own page asks for a web font, and its viewer tells its makers that it was used and looks for a newer version.
 So the page here is ours, which loads that viewer from the program in the installed package, and forbids the browser to
 ask anybody but this server, which listens on 127.0.0.1 alone. Everything comes from one port: over ssh one is carried.
@@ -28,7 +30,7 @@ from swarmer.observe.viewer_process import end, start
 NAMES_OF_HERE = (HOST, "localhost")
 PAGE = "replay_page"  # the folder beside this file
 VIEWER = ("re_viewer.js", "re_viewer_bg.wasm")  # what the program in the package serves
-RECORDING = "recording.rrd"
+RECORDING, RRD = "recording.rrd", "application/octet-stream"
 TYPES = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript",
@@ -52,11 +54,14 @@ HEADERS = {
 }
 
 
-def page_files(title: str, note: str) -> dict[str, bytes]:
-    """The files of our page by name; title and note are any text, and shown as text."""
+def page_files(title: str, note: str, over: str = "") -> dict[str, bytes]:
+    """The files of our page by name; the texts are any text, and shown as text.
+
+    over: stands in the place of the note once the recording has ended; nothing: the note stays.
+    """
     files = {file.name: file.read_bytes() for file in resources.files(__package__).joinpath(PAGE).iterdir()}
     page = string.Template(files["index.html"].decode())
-    files["index.html"] = page.substitute(title=escape(title), note=escape(note)).encode()
+    files["index.html"] = page.substitute(title=escape(title), note=escape(note), over=escape(over)).encode()
     return files
 
 
@@ -106,16 +111,11 @@ def _get(port: int, name: str) -> bytes:
         connection.close()
 
 
-class ReplayServer(ThreadingHTTPServer):
-    """Serves the page until it is closed."""
+class PageServer(ThreadingHTTPServer):
+    """Serves the page until it is closed: `files` by name, and a recording as its handler sends it."""
 
     daemon_threads = True
-
-    def __init__(self, recording: Path, port: int) -> None:
-        """port: 0 takes any free one. Raises OSError if the port is taken. Then give it `files`, by name."""
-        self.files: Mapping[str, bytes] = {}
-        self.recording = recording
-        super().__init__((HOST, port), _Handler)
+    files: Mapping[str, bytes] = {}
 
     @property
     def address(self) -> str:
@@ -126,48 +126,69 @@ class ReplayServer(ThreadingHTTPServer):
         """A browser that goes away in the middle of an answer is no error."""
 
 
-class _Handler(BaseHTTPRequestHandler):
-    server: ReplayServer
+class PageHandler(BaseHTTPRequestHandler):
+    """Answers this machine alone."""
+
+    server: PageServer
 
     def do_GET(self) -> None:
-        self._answer(body=True)
+        self.answer(body=True)
 
     def do_HEAD(self) -> None:
-        self._answer(body=False)
+        self.answer(body=False)
 
-    def _answer(self, body: bool) -> None:
+    def answer(self, body: bool) -> None:
         """A file by its name. A name that is not of this machine stands for a foreign page that rebound its own."""
         if (self.headers.get("Host") or "").rpartition(":")[0] not in NAMES_OF_HERE:
             self.send_error(http.client.FORBIDDEN)
             return
         name = self.path.partition("?")[0].removeprefix("/") or "index.html"
         if name == RECORDING:
-            self._send_recording(body)
+            self.send_recording(body)
         elif name in self.server.files:
             data = self.server.files[name]
-            self._head(TYPES[Path(name).suffix], len(data))
+            self.head(TYPES[Path(name).suffix], len(data))
             if body:
                 self.wfile.write(data)
         else:
             self.send_error(http.client.NOT_FOUND)
 
-    def _send_recording(self, body: bool) -> None:
-        try:
-            with self.server.recording.open("rb") as file:
-                self._head("application/octet-stream", self.server.recording.stat().st_size)
-                if body:
-                    shutil.copyfileobj(file, self.wfile, 1 << 18)
-        except FileNotFoundError:
-            self.send_error(http.client.NOT_FOUND)
+    def send_recording(self, body: bool) -> None:
+        """The answer whose name is RECORDING; only its head without `body`."""
+        raise NotImplementedError
 
-    def _head(self, kind: str, length: int) -> None:
+    def head(self, kind: str, length: int | None) -> None:
+        """length: None if it ends with the connection."""
         self.send_response(http.client.OK)
-        for name, value in {"Content-Type": kind, "Content-Length": str(length), **HEADERS}.items():
+        sizes = {} if length is None else {"Content-Length": str(length)}
+        for name, value in {"Content-Type": kind, **sizes, **HEADERS}.items():
             self.send_header(name, value)
         self.end_headers()
 
     def log_message(self, *_: Any) -> None:
         """Nothing: the terminal is the user's."""
+
+
+class ReplayServer(PageServer):
+    """Serves the page of a recording that lies in a file."""
+
+    def __init__(self, recording: Path, port: int) -> None:
+        """port: 0 takes any free one. Raises OSError if the port is taken. Then give it `files`, by name."""
+        self.recording = recording
+        super().__init__((HOST, port), _ReplayHandler)
+
+
+class _ReplayHandler(PageHandler):
+    server: ReplayServer
+
+    def send_recording(self, body: bool) -> None:
+        try:
+            with self.server.recording.open("rb") as file:
+                self.head(RRD, self.server.recording.stat().st_size)
+                if body:
+                    shutil.copyfileobj(file, self.wfile, 1 << 18)
+        except FileNotFoundError:
+            self.send_error(http.client.NOT_FOUND)
 
 
 def bound_server(recording: Path, port: int | None) -> ReplayServer:

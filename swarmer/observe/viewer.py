@@ -46,17 +46,6 @@ def native_command(files: Sequence[Path], port: int) -> list[str]:
     return [*rerun_command(), "--bind", HOST, "--port", str(port), *map(str, files)]
 
 
-def web_command(files: Sequence[Path], port: int, web_port: int) -> list[str]:
-    """The web viewer served from this machine. Opens no browser by itself."""
-    return [*rerun_command(), "--web-viewer", "--bind", HOST, "--port", str(port),
-            "--web-viewer-port", str(web_port), *map(str, files)]  # fmt: skip
-
-
-def web_address(port: int, web_port: int) -> str:
-    """The page that shows what the server at `port` has."""
-    return f"http://{HOST}:{web_port}/?url=rerun%2Bhttp://{HOST}:{port}/proxy"
-
-
 def serves_viewers(port: int, wait_s: float = 1.0) -> bool:
     """True if what listens on the port speaks rerun's kind of protocol: it greets over HTTP/2 without being upgraded.
 

@@ -2,12 +2,12 @@
 
 import contextlib
 import os
-import signal
 import socket
 import subprocess
 import sys
 import threading
 import time
+import urllib.error
 import urllib.request
 from pathlib import Path
 
@@ -17,11 +17,11 @@ from rrd_rows import blueprint, blueprint_ids, rows
 
 from swarmer.commands.run import command
 from swarmer.errors import BadInput, RunFailed
-from swarmer.observe import live
+from swarmer.observe import live, live_page
 from swarmer.observe.collector import Collector
 from swarmer.observe.live import LiveViewer, check_way, open_viewer
 from swarmer.observe.run_directory import RunDirectory
-from swarmer.observe.viewer import HOST, answers, native_command, serves_viewers, web_address
+from swarmer.observe.viewer import HOST, answers, native_command, serves_viewers
 
 PLAYING, FOLLOWING = 2, 3  # of rerun's PlayState
 COPY = "import shutil, sys; shutil.copyfileobj(sys.stdin.buffer, open(sys.argv[1], 'wb'))"
@@ -60,7 +60,7 @@ def viewer_of(monkeypatch):
     def use(command, **more):
         made = []
 
-        def start(way):
+        def start(way, title):
             made.append(LiveViewer(command, ["live: here"], **more))
             return made[-1]
 
@@ -223,63 +223,98 @@ def listening(pid):
     return found
 
 
-def child_of(pid):
-    for _ in range(100):
-        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-        if children:
-            return int(children[0])
+def gone(pid):
+    """True as soon as nothing runs under this number."""
+    for _ in range(400):
+        if not Path(f"/proc/{pid}/exe").exists():
+            return True
         time.sleep(0.05)
-    raise AssertionError("no child")
+    return False
 
 
-def test_the_page_is_served_on_this_machine_alone_and_ends_with_the_run(monkeypatch, finished_run):
+def get(address, host=None):
+    headers = {"Host": host} if host else {}
+    with urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=60) as answer:
+        return answer.headers, answer.read()
+
+
+def test_the_page_is_on_this_machine_alone_at_one_port_and_ends_with_the_run(monkeypatch, finished_run):
     monkeypatch.setattr(live, "display_available", lambda: False)
     monkeypatch.setattr(live, "serves_viewers", lambda port: False)
-    with socket.socket() as one, socket.socket() as two:  # the usual ports are somebody else's
-        for other, name in ((one, "GRPC_PORT"), (two, "WEB_PORT")):
-            other.bind((HOST, 0))
-            monkeypatch.setattr(live, name, other.getsockname()[1])
-        viewer = open_viewer("auto")
+    data = (finished_run / "recording.rrd").read_bytes()
+    with socket.create_server((HOST, 0)) as other:  # the usual port is somebody else's
+        monkeypatch.setattr(live, "WEB_PORT", other.getsockname()[1])
+        viewer = open_viewer("auto", "<script>x & y")
     page, tunnel = viewer.news()
     address = page.split()[1]
-    port, grpc = (
-        int(address.split(mark)[1].split("/")[0]) for mark in (f"//{HOST}:", "=rerun%2Bhttp://127.0.0.1:")
-    )
-    assert address == web_address(grpc, port)
-    assert {port, grpc}.isdisjoint({live.GRPC_PORT, live.WEB_PORT})
-    assert f"ssh -L {port}:{HOST}:{port} -L {grpc}:{HOST}:{grpc} " in tunnel
-    viewer.feed((finished_run / "recording.rrd").read_bytes()[:-100])
-    assert answers(port, 20)
-    assert answers(grpc, 20)
-    with urllib.request.urlopen(address, timeout=10) as answer:
-        assert b"rerun" in answer.read().lower()
-    assert serves_viewers(grpc)
-    server = child_of(viewer._process.pid)
-    assert sorted(listening(server)) == sorted([("0100007F", port), ("0100007F", grpc)])
-    viewer.close()
-    viewer._process.wait(5)
-    assert not Path(f"/proc/{server}").exists()
+    port = int(address.rstrip("/").rpartition(":")[2])
+    assert port != live.WEB_PORT
+    assert f"ssh -L {port}:{HOST}:{port} " in tunnel
+    viewer.feed(data[:5000])
+    headers, body = get(address)
+    assert "default-src 'none'" in headers["Content-Security-Policy"]
+    assert "connect-src 'self';" in headers["Content-Security-Policy"]
+    assert b"<h1>&lt;script&gt;x &amp; y</h1>" in body
+    assert listening(viewer._process.pid) == [("0100007F", port)]
+    for foreign in (address, address + "recording.rrd"):
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            get(foreign, "evil.example")
+    with urllib.request.urlopen(address + "recording.rrd", timeout=60) as grows:
+        assert grows.read(5000) == data[:5000]
+        viewer.feed(data[5000:])
+        viewer.close()
+        assert get(address + "recording.rrd")[1] == data, "also to who comes late"
+        assert viewer._process.poll() is None, "one still reads"
+        assert grows.read() == data[5000:]
+    assert viewer._process.wait(20) == 0
+    with pytest.raises(OSError, match="refused"):
+        get(address)
+    assert not viewer.news()
 
 
-def test_the_page_ends_also_when_the_run_is_killed(tmp_path):
+def test_a_reader_that_stops_does_not_hold_the_page_open(monkeypatch):
+    monkeypatch.setattr(live_page, "GRACE_S", 0.2)
+    recording = live_page.Growing()
+    reader, writer = os.pipe()
+    filler = threading.Thread(target=recording.fill, args=(reader,))
+    filler.start()
+    listening = socket.create_server((HOST, 0))
+    with live_page.LiveServer(listening, recording) as server:
+        serving = threading.Thread(target=server.serve_forever)
+        serving.start()
+        with urllib.request.urlopen(server.address + "recording.rrd", timeout=60):
+            server.wait_until_quiet()
+            assert server._answering == 1, "it was not waited for longer"
+        server.shutdown()
+        serving.join()
+    os.close(writer)
+    filler.join()
+    os.close(reader)
+
+
+def test_the_page_ends_also_when_the_run_is_killed():
     code = (
-        "import time, sys; from swarmer.observe import live; live.display_available = lambda: False; "
-        "v = live.open_viewer('web'); print(v._process.pid, flush=True); time.sleep(60)"
+        "import time; from swarmer.observe import live; v = live.open_viewer('web', 'x'); "
+        "print(v._process.pid, v.news()[0].split()[1], flush=True); time.sleep(60)"
     )
-    run = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
-    keeper = int(run.stdout.readline())
-    server = child_of(keeper)
-    run.kill()
-    run.wait()
-    run.stdout.close()
-    for _ in range(100):
-        if not any(Path(f"/proc/{pid}/exe").exists() for pid in (keeper, server)):
-            return
-        time.sleep(0.05)
-    for pid in (server, keeper):
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGKILL)
-    raise AssertionError("it is still there")
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as run:
+        pid, address = run.stdout.readline().split()
+        assert get(address)[0]["Content-Type"].startswith("text/html")
+        run.kill()
+    assert gone(pid)
+
+
+def test_a_page_that_cannot_be_kept_is_gone_and_the_run_is_told(monkeypatch):
+    """There is no room for what came."""
+    monkeypatch.setattr(live, "CLOSE_S", 60)
+    code = "import tempfile; tempfile.tempdir = '/proc/1'; from swarmer.observe.live_page import main; main()"
+    with socket.create_server((HOST, 0)) as page:
+        command = [sys.executable, "-c", code, str(page.fileno()), "x"]
+        viewer = LiveViewer(command, [], page=page)
+    viewer._process.wait(60)
+    viewer.feed(b"x" * 200_000)
+    viewer.close()
+    assert viewer.news() == ["live: the viewer is gone; the run goes on without it"]
 
 
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
@@ -311,4 +346,4 @@ def test_what_cannot_be_started_is_one_line(monkeypatch):
     monkeypatch.setattr(live, "display_available", lambda: True)
     monkeypatch.setattr(live, "native_command", lambda files, port: ["/does/not/exist"])
     with pytest.raises(RunFailed, match="did not start"):
-        open_viewer("desktop")
+        open_viewer("desktop", "")

@@ -17,11 +17,36 @@ function fail(reason) {
 }
 
 const ask = window.fetch.bind(window);
+const recordingAddress = new URL("recording.rrd", location.href).href;
+// Asked for before the viewer is there: of a run that goes on, what is asked for is sent although the run ends meanwhile.
+const recording = ask(recordingAddress);
+recording.catch(() => {}); // told when the viewer asks for it
+
 window.fetch = (what, options) => {
   const address = new URL(what instanceof Request ? what.url : what, location.href);
+  if (address.href === recordingAddress) return recording.then(told);
   if (address.origin === location.origin) return ask(what, options);
   return Promise.resolve(new Response(null, { status: 204 })); // an empty answer: there is nobody there
 };
+
+// The same answer; its end, which is that of a run that went on, is told.
+function told(answer) {
+  const note = document.getElementById("note");
+  const reader = answer.body.getReader();
+  const passed = new ReadableStream({
+    async pull(sink) {
+      try {
+        const { done, value } = await reader.read();
+        if (!done) return sink.enqueue(value);
+        if (note.dataset.over) note.textContent = note.dataset.over;
+      } catch {
+        note.textContent = "The connection broke: this is what had come.";
+      }
+      sink.close();
+    },
+  });
+  return new Response(passed, { status: answer.status, headers: answer.headers });
+}
 
 async function program() {
   const answer = await fetch("re_viewer_bg.wasm");
@@ -50,7 +75,7 @@ async function start() {
   await wasm_bindgen({ module_or_path: program() });
   say("Loading the recording …");
   const handle = new wasm_bindgen.WebHandle({
-    url: [new URL("recording.rrd", location.href).href],
+    url: [recordingAddress],
     hide_welcome_screen: true,
     enable_history: false,
     notebook: false,
