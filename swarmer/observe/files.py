@@ -7,6 +7,7 @@ moment, and is renamed when it is closed. An OSError becomes RunFailed: one line
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import os
 from collections.abc import Callable, Iterator
@@ -32,6 +33,18 @@ def disk_errors(path: Path) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise RunFailed(f"cannot write {path}: {reason}; what was finished is in {path.parent}") from error
+
+
+def _open_own(path: Path, flags: int) -> int:
+    """Open a file of ours to write it. A link that lies in its place goes; what it leads to stays as it is."""
+    flags |= os.O_CLOEXEC | getattr(os, "O_NOFOLLOW", 0)
+    try:
+        return os.open(path, flags, 0o666)
+    except OSError as error:
+        if error.errno != errno.ELOOP or not path.is_symlink():
+            raise
+    path.unlink()
+    return os.open(path, flags, 0o666)
 
 
 class _Raw(io.RawIOBase):
@@ -69,7 +82,7 @@ def write_file(path: Path, fill: Callable[[BinaryIO], None], durable: bool = Tru
     """
     temporary = path.with_name(path.name + TEMPORARY)
     with disk_errors(path):
-        fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+        fd = _open_own(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC)
         try:
             raw = _Raw(fd)
             try:
@@ -119,8 +132,8 @@ class Stream:
         self.path = path
         self.partial = path.with_name(path.name + PARTIAL)
         with disk_errors(path):
-            flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND | os.O_CLOEXEC
-            self._fd: int | None = os.open(self.partial, flags, 0o666)
+            flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+            self._fd: int | None = _open_own(self.partial, flags)
 
     def write(self, data: bytes) -> None:
         """Append, at once visible to readers. Without effect once closed.

@@ -18,7 +18,7 @@ from swarmer.shapes.cloud import PointCloud, make_cloud, with_points
 from swarmer.shapes.errors import BadShape
 from swarmer.shapes.mesh_files import Mesh, read_mesh
 from swarmer.shapes.sampling import spread_choice, surface_sample
-from swarmer.shapes.text_files import read_text, read_xyz
+from swarmer.shapes.text_files import read_text, read_xyz, refuse_many_lines
 
 FILE_BYTES_MAX = 512 * 2**20
 PICTURES = frozenset((".png", ".jpg", ".jpeg", ".gif", ".bmp", ".tif", ".tiff", ".webp", ".svg"))
@@ -70,6 +70,9 @@ def read_content(path: Path) -> NDArray[Any] | Mesh:
     if form is None:
         raise BadShape(f"{where}: {_not_known(path)}")
     with naming(where, path.suffix):
+        if form.read in (read_text, read_xyz):
+            with path.open("rb") as file:
+                refuse_many_lines(file)
         return form.read(path.read_bytes())
 
 

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 
 from swarmer.shapes.cloud import POINTS_MAX, Points
 from swarmer.shapes.errors import BadShape
-from swarmer.shapes.mesh_lines import refuse_bad_obj, refuse_bad_off, refuse_corner_0
+from swarmer.shapes.mesh_lines import refuse_bad_obj, refuse_bad_off, refuse_before_obj
 
 _PLY_ELEMENT = re.compile(rb"^\s*element\s+(\S+)\s+(\S+)\s*$", re.MULTILINE)
 
@@ -143,6 +143,7 @@ def _refuse_more(count: int, what: str) -> None:
 def _check_stl(data: bytes) -> None:
     """A binary one has its length in its header; an ASCII one begins with `solid`, and so do some binary ones."""
     if data.lstrip()[:5].lower() == b"solid" and b"\0" not in data[:512]:
+        _refuse_more(data.count(b"vertex"), "vertices")
         return
     if len(data) < 84:
         raise BadShape("neither an ASCII nor a binary STL")
@@ -151,6 +152,7 @@ def _check_stl(data: bytes) -> None:
         raise BadShape(
             f"its header says {triangles:,} triangles, the file has {len(data):,} bytes; it was cut, or is no STL"
         )
+    _refuse_more(3 * triangles, "vertices")
 
 
 def _check_ply(data: bytes) -> None:
@@ -191,7 +193,7 @@ def _entries(part: dict[str, Any], counts: list[int]) -> int:
 _CHECKS = {
     "ply": _check_ply,
     "off": refuse_bad_off,
-    "obj": refuse_corner_0,
+    "obj": refuse_before_obj,
     "stl": _check_stl,
     "glb": _check_glb,
 }

@@ -51,8 +51,11 @@ def refuse_bad_off(data: bytes) -> None:
                 _refuse_absent(number, _whole(word, number), 0, vertices)
 
 
-def refuse_corner_0(data: bytes) -> None:
-    """Vertices of an OBJ count from 1; trimesh takes 0 for the last one. Raises BadShape."""
+def refuse_before_obj(data: bytes) -> None:
+    """What trimesh would take: too many vertices, and 0 for the last one, though they count from 1. Raises BadShape."""
+    vertices = data.count(b"\nv ")
+    if vertices > POINTS_MAX:
+        raise BadShape(f"{vertices:,} vertices; at most {POINTS_MAX:,} are taken")
     found = _OBJ_CORNER_0.search(data)
     if found:
         line = 1 + data.count(b"\n", 0, found.start())

@@ -14,7 +14,7 @@ import io
 import math
 import re
 from array import array
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,20 @@ from swarmer.shapes.errors import BadShape
 
 _BETWEEN = re.compile(r"[\s,;]+")
 _DECIMAL_COMMA = re.compile(r"\d,\d")
+BLOCK = 2**20  # bytes
 LINE_MAX = 10_000  # characters: a row of a cloud with colours and normals has some 200
+
+
+def refuse_many_lines(file: BinaryIO) -> None:
+    """Refuse what has more lines than a cloud may have points, before it is read: at a glance, in little memory.
+
+    Lines with a `#` do not count. Raises BadShape.
+    """
+    lines = 0
+    while block := file.read(BLOCK):
+        lines += block.count(b"\n") - block.count(b"#")
+        if lines > POINTS_MAX:
+            raise BadShape(f"more than {POINTS_MAX:,} lines; at most so many points are taken")
 
 
 def read_text(data: bytes) -> NDArray[Any]:

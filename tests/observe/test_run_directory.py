@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from swarmer.engines.result import Event
 from swarmer.errors import BadInput
+from swarmer.observe.files import write_text
 from swarmer.observe.run_directory import RunDirectory, check_out, safe_name
 from swarmer.observe.saved_run import load
 
@@ -85,6 +86,61 @@ def test_out_may_be_new_or_empty_only(tmp_path):
             create(tmp_path / taken)
     assert (tmp_path / "file").read_text() == (tmp_path / "full" / "thesis.tex").read_text() == "mine"
     assert not (tmp_path / "nowhere").exists()
+
+
+def everything_written(path):
+    """A run directory from its beginning to its end, and a report beside it."""
+    directory = create(path)
+    directory.event(Event(1.0, "thaw", 0, "ours"))
+    directory.write_summary({"status": "done"})
+    directory.close("done")
+    write_text(path / "report.html", "ours")
+
+
+@pytest.mark.parametrize("suffix", ["", ".partial", ".tmp"])
+def test_a_link_in_it_is_replaced_and_what_it_leads_to_stays(tmp_path, suffix):
+    """Somebody has laid links under the names of a run's files, before it began."""
+    (tmp_path / "thesis.tex").write_text("mine")
+    (tmp_path / "run").mkdir()
+    names = ("events.csv", "manifest.json", "summary.json", "report.html", "log.txt")
+    for name in names:
+        if name + suffix != "summary.json":  # which would be that of a finished run
+            (tmp_path / "run" / (name + suffix)).symlink_to(tmp_path / "thesis.tex")
+    everything_written(tmp_path / "run")
+    assert (tmp_path / "thesis.tex").read_text() == "mine"
+    assert not [path for path in (tmp_path / "run").iterdir() if path.is_symlink()]
+    assert {*names} <= {path.name for path in (tmp_path / "run").iterdir()}
+
+
+@pytest.mark.parametrize("suffix", ["", ".partial", ".tmp"])
+def test_a_link_that_is_laid_while_it_runs_is_replaced_too(tmp_path, suffix):
+    (tmp_path / "thesis.tex").write_text("mine")
+    directory = create(tmp_path / "run")
+    for name in ("trace.jsonl.gz", "summary.json", "report.html"):
+        (tmp_path / "run" / (name + suffix)).symlink_to(tmp_path / "thesis.tex")
+    stream = directory.stream("trace.jsonl.gz")
+    stream.write(b"ours")
+    directory.write_summary({"status": "done"})
+    directory.close("done")
+    write_text(tmp_path / "run" / "report.html", "ours")
+    assert (tmp_path / "thesis.tex").read_text() == "mine"
+    assert (tmp_path / "run" / "trace.jsonl.gz").read_bytes() == b"ours"
+
+
+def test_a_link_to_a_directory_is_that_directory(tmp_path):
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "run").symlink_to(tmp_path / "disk")
+    everything_written(tmp_path / "run")
+    assert (tmp_path / "run").is_symlink()
+    assert "summary.json" in {path.name for path in (tmp_path / "disk").iterdir()}
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.tex").write_text("mine")
+    (tmp_path / "other").symlink_to(tmp_path / "full")
+    with pytest.raises(BadInput, match="other files"):
+        create(tmp_path / "other")
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    with pytest.raises(BadInput, match="out"):
+        create(tmp_path / "loop")
 
 
 def test_finished_run_is_never_overwritten(finished_run):

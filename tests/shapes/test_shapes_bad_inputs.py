@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,10 @@ import pytest
 from bad_files import BAD_FILES
 
 from swarmer.cli import invoke, leave, swarmer
+from swarmer.errors import BadInput
+from swarmer.shapes import text_files
 from swarmer.shapes.catalogue import load_shape
+from swarmer.shapes.files import read_cloud
 
 COMMANDS = {
     "show": ("shapes", "show", "FILE", "--out", "picture.png"),
@@ -184,3 +188,43 @@ def test_a_million_points_are_a_shape(tmp_path, monkeypatch, capsys):
     assert "nearest two 2 cells apart" in out
     assert (status, err.count("\n")) == (0, 1)
     assert "too much for this machine: points: 1000000 is not allowed" in err
+
+
+MANY = 10_000_001
+
+
+@pytest.mark.parametrize(
+    ("name", "head", "line", "said"),
+    [
+        ("long.xyz", b"", b"1 2\n", "more than 10,000,000 lines"),
+        ("long.csv", b"x,y\n", b"1,2\n", "more than 10,000,000 lines"),
+        ("blank.txt", b"1 2 3\n", b"\n", "more than 10,000,000 lines"),
+        ("long.obj", b"\n", b"v 0 0 0\n", "10,000,001 vertices; at most 10,000,000"),
+        ("long.stl", b"solid x\n", b"vertex\n", "10,000,001 vertices; at most 10,000,000"),
+    ],
+)
+def test_ten_million_lines_are_refused_at_a_glance(tmp_path, name, head, line, said):
+    """Before anything is made of them: no more memory than the file's bytes, for rows of numbers not even those."""
+    path = tmp_path / name
+    with path.open("wb") as file:
+        file.write(head)
+        file.writelines([line * 1000] * (MANY // 1000))
+        file.write(line * (MANY % 1000))
+    size = path.stat().st_size
+    tracemalloc.start()
+    try:
+        with pytest.raises(BadInput, match=said):
+            read_cloud(path)
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert most < (4 * 2**20 if path.suffix in (".xyz", ".csv", ".txt") else size + 4 * 2**20)
+
+
+def test_comments_are_no_lines_of_a_cloud(tmp_path, monkeypatch):
+    monkeypatch.setattr(text_files, "POINTS_MAX", 3)
+    (tmp_path / "few.xyz").write_text("# one\n" * 9 + "1 2 3 # x\n4 5 6\n")
+    assert len(read_cloud(tmp_path / "few.xyz")) == 2
+    (tmp_path / "many.xyz").write_text("1 2 3\n4 5 6\n7 8 9\n1 1 1\n")
+    with pytest.raises(BadInput, match="more than 3 lines"):
+        read_cloud(tmp_path / "many.xyz")
