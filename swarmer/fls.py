@@ -283,7 +283,7 @@ class BaseFls(ABC):
 
     def _take_up(self, queue: deque[Queued], now: float) -> None:
         since, message, stamp = queue.popleft()
-        if not self._outlived(message, stamp):
+        if not (self._outlived(message, stamp) or self.machine.is_void(message, since)):
             self.taken_up(now - since)
             self.take_message(message, stamp, self.now())
 

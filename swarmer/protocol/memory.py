@@ -15,6 +15,7 @@ from swarmer.messages import (
     CHALLENGE_INIT,
     JOIN,
     NO_SWARM,
+    THAW,
     TO_ALL,
     TO_FLS,
     TO_SWARM,
@@ -194,6 +195,18 @@ class Memory:
         """A newcomer that has not merged since its landing (rule 10)."""
         newcomer = self.incarnation > 0 and not self.merged and not self.oracle
         return newcomer and self.settings.busy_join == "newcomer"
+
+    def is_void(self, message: Message, since_s: float) -> bool:
+        """A THAW that came, at `since_s`, while this FLS obeys none: without epochs one a λ (rule 11).
+
+        It must not wait in the queue until one is obeyed again. Half of all FLSs repeat a THAW, and F/2 copies may take
+        longer than λ to handle: the last ones would be obeyed and repeated, and so on for ever.
+        """
+        return (
+            message.kind == THAW
+            and not self.settings.epochs
+            and since_s < self.thawed_s + self.settings.lambda_s
+        )
 
     @property
     def complete(self) -> bool:

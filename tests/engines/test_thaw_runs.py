@@ -237,3 +237,18 @@ def test_corners_are_farthest_from_the_centroid(shape, points, expected):
     assert len(found) == len(set(found)) == expected
     others = [row for row in range(len(cloud)) if row + 1 not in found]
     assert all(far[fid - 1] >= far[row] for fid in found for row in others)
+
+
+def test_copies_of_a_thaw_that_wait_to_be_handled_begin_no_other():
+    """Without epochs all repeat it here: handling 59 copies takes longer than λ, for which an FLS obeys no other.
+
+    Where copies wait their turn the last ones are obeyed, repeated, and the storm never ends.
+    """
+    counters, notary, _ = watched(
+        **{"points": 60, "duration_s": 9, "lambda_ms": 50, "virtual.handling_ms": 2, "epochs": False,
+           "thaw.policy": "timer", "thaw.repeat": 1, "busy_join": "off"}
+    )  # fmt: skip
+    begun = len(notary.begins)
+    assert begun == 1
+    assert counters["thawed_flss"] == 60
+    assert notary.sent_kinds[Kind.THAW] == 60
