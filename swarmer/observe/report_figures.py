@@ -340,9 +340,14 @@ def states_figure(data: RunData) -> Figure:
 def clouds_figure(data: RunData, key: str = "clouds") -> Figure:
     """The display when all had landed, and at the end; ground truth faint behind, one colour a swarm."""
     timeline = data.timeline
-    moments = (("landed", first_all_lit(timeline)), ("at the end", len(timeline.t_s) - 1))
+    first = timeline.first_all_lit()
+    moments = (
+        ("most are lit", timeline.most_lit()) if first is None else ("landed", first),
+        ("at the end", len(timeline.t_s) - 1),
+    )
 
     def draw(canvas: Canvas) -> None:
+        canvas.set_layout_engine("constrained", rect=(0, 0, 1, 0.95))  # room for titles in a larger typeface
         for place, (title, at) in enumerate(moments, 1):
             axes = canvas.add_subplot(1, 2, place)
             _cloud(axes, timeline, at)
@@ -365,12 +370,6 @@ def clouds_figure(data: RunData, key: str = "clouds") -> Figure:
     return Figure(
         key, "The display at two moments", svg_of(key, alt, draw, height=2.9), caption, alt, titles, rows
     )  # fmt: skip
-
-
-def first_all_lit(timeline: SavedTimeline) -> int:
-    """The first sample by which every FLS had been lit; the one with most lit if that never was."""
-    ever = np.logical_or.accumulate(timeline.lit, axis=0).all(axis=1)
-    return int(ever.argmax() if ever.any() else timeline.lit.sum(axis=1).argmax())
 
 
 def _cloud(axes: Axes, timeline: SavedTimeline, at: int) -> None:

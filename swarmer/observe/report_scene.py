@@ -72,7 +72,9 @@ right and stand beside its place: moved there, by the mean error of the lit FLSs
 
 def _facts(run: SavedRun, timeline: SavedTimeline, packed: Packed) -> dict[str, Any]:
     truth, clock = timeline.truth[packed.rows], clock_of(run)
-    low, high = truth.min(axis=0), truth.max(axis=0)
+    shapes = timeline.standings()
+    everywhere = np.concatenate([one.truth[packed.rows][one.member[packed.rows]] for one in shapes])
+    low, high = everywhere.min(axis=0), everywhere.max(axis=0)
     view = usual_view(2 if low[2] == high[2] else 3)
     radius = float(np.linalg.norm(high - low)) / 2 or 1.0
     names = np.arange(min(len(timeline.truth), LARGEST) + 1)
@@ -85,7 +87,7 @@ def _facts(run: SavedRun, timeline: SavedTimeline, packed: Packed) -> dict[str, 
         "low": packed.low.tolist(), "step": packed.step, "centre": ((low + high) / 2).tolist(), "radius": radius,
         "spacing": _spacing(truth), "view": list(view),
         "calm": list(CALM), "dark": list(DARK),
-        "shapes": [one.from_s for one in timeline.standings()],
+        "shapes": [one.from_s for one in shapes],
         "vivid": _base64(swarm_colours(names)), "pale": _base64(swarm_colours(names, PALE)),
     }  # fmt: skip
 

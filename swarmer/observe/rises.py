@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmer.metrics.hausdorff import HausdorffMeter
+from swarmer.next_shape import standing_at
 from swarmer.observe.saved_run import SavedTimeline
 
 LEAST_FACTOR = 1.05  # HD grew by more than a twentieth
@@ -49,19 +50,8 @@ def rises(timeline: SavedTimeline, most: int = MOST) -> tuple[list[Rise], int]:
     As HD itself, they count from the sample on by which every FLS had been lit (docs/reading-a-run.md).
     """
     hd = timeline.hd_cells
-    spans = sorted(_spans(hd, _first(timeline)), key=lambda span: _factor(hd, span), reverse=True)
-    return [_rise(timeline, _meter(timeline, span[1]), *span) for span in spans[:most]], len(spans)
-
-
-def _meter(timeline: SavedTimeline, at: int) -> HausdorffMeter:
-    """Of the shape that the display is to be at a sample."""
-    return HausdorffMeter(timeline.truth_rows(float(timeline.t_s[at])))
-
-
-def _first(timeline: SavedTimeline) -> int:
-    """The first sample by which every FLS had been lit; the first of all where that never was."""
-    ever = np.logical_or.accumulate(timeline.lit, axis=0).all(axis=1)
-    return int(ever.argmax()) if ever.any() else 0
+    spans = sorted(_spans(hd, timeline.first_all_lit() or 0), key=lambda span: _factor(hd, span), reverse=True)
+    return [_rise(timeline, *span) for span in spans[:most]], len(spans)
 
 
 def _spans(hd: np.ndarray, first: int) -> list[tuple[int, int]]:
@@ -81,10 +71,11 @@ def _factor(hd: np.ndarray, span: tuple[int, int]) -> float:
     return after / before
 
 
-def _rise(timeline: SavedTimeline, meter: HausdorffMeter, start: int, end: int) -> Rise:
-    lit, place = timeline.lit, timeline.position
-    before = meter.by_fls(place[start].astype(float), lit[start])
-    after = meter.by_fls(place[end].astype(float), lit[end])
+def _rise(timeline: SavedTimeline, start: int, end: int) -> Rise:
+    shape = standing_at(timeline.standings(), float(timeline.t_s[end]))  # which the display is to be then
+    meter, lit, place = HausdorffMeter(shape.truth), timeline.lit & shape.member, timeline.position
+    before = _by_fls(meter, place[start], lit[start])
+    after = _by_fls(meter, place[end], lit[end])
     flown = np.linalg.norm(place[end].astype(float) - place[start], axis=1)
     flown[~(lit[start] & lit[end])] = np.nan
     hd_before, hd_after = float(timeline.hd_cells[start]), float(timeline.hd_cells[end])
@@ -97,3 +88,7 @@ def _rise(timeline: SavedTimeline, meter: HausdorffMeter, start: int, end: int) 
     moved = int((np.nan_to_num(flown) > SMALLEST_CELLS).sum())
     times = float(timeline.t_s[start]), float(timeline.t_s[end])
     return Rise(*times, hd_before, hd_after, off, moved, before)
+
+
+def _by_fls(meter: HausdorffMeter, place: NDArray[np.float32], lit: NDArray[np.bool_]) -> NDArray[np.float64]:
+    return meter.by_fls(place.astype(float), lit) if lit.any() else np.full(len(lit), np.nan)

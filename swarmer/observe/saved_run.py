@@ -91,6 +91,15 @@ class SavedTimeline:
         points: NDArray[np.float64] = standing.truth[standing.member]
         return points
 
+    def first_all_lit(self) -> int | None:
+        """The first sample by which every FLS of the first shape had been lit; None if that never was."""
+        ever = np.logical_or.accumulate(self.lit[:, self.standings()[0].member], axis=0).all(axis=1)
+        return int(ever.argmax()) if ever.any() else None
+
+    def most_lit(self) -> int:
+        """The first sample in which most FLSs are lit."""
+        return int(self.lit.sum(axis=1).argmax())
+
     def swarms(self) -> NDArray[np.int64]:
         """Number of swarms at each sample, (T,)."""
         counts = [len(np.unique(swarm[lit])) for swarm, lit in zip(self.swarm, self.lit, strict=True)]

@@ -84,6 +84,22 @@ def test_what_was_before_all_had_been_lit_is_no_rise():
     assert rises(timeline(apart(0, 0, 0, 0)))[0] == []
 
 
+def test_who_has_no_point_in_a_shape_is_not_off_for_it():
+    """FLS 4 joins for the second shape and FLS 1 leaves then: the first may not be waited for, nor the other blamed."""
+    lit = [[1, 1, 1, 0], [1, 1, 1, 0], [1, 1, 1, 1], [1, 1, 1, 1]]
+    saved = timeline(
+        apart(0, 0.1, 0, 0), apart(0, 0.9, 0, 0), apart(9, 0.1, 0, 0), apart(9, 0, 0, 0.9), lit=lit
+    )
+    first, second = TRUTH.copy(), TRUTH.copy()
+    first[3], second[0] = np.nan, np.nan
+    saved.truth_at_s, saved.truths = np.array([0.0, 0.15]), np.stack([first, second])
+    saved.hd_cells = np.array([0.07, 0.6, 0.07, 0.6])  # of those who have a point
+    found, _ = rises(saved)
+    assert sorted(round(rise.to_s, 2) for rise in found) == [0.1, 0.3]
+    worst = {round(rise.to_s, 2): rise.off[0].fid for rise in found}
+    assert worst == {0.1: 2, 0.3: 4}
+
+
 # -- moves -----------------------------------------------------------------------------------------------------------
 
 

@@ -43,6 +43,27 @@ def test_figures_are_drawn_and_nobody_is_asked(visit, report):
         assert not seen.errors
 
 
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_view_in_space_holds_the_whole_shape(visit, report, width):
+    """At the end all stand near their points: nothing is drawn at the edges, and something near two of them."""
+    with visit(report, viewport={"width": width, "height": 800}) as seen:
+        seen.page.wait_for_selector("#scene[data-ready]")
+        margins = seen.page.evaluate(
+            """() => {
+              const canvas = document.querySelector("#scene canvas"), {width, height} = canvas;
+              const pixels = canvas.getContext("2d").getImageData(0, 0, width, height).data;
+              let [left, right, top, bottom] = [width, 0, height, 0];
+              for (let y = 0; y < height; y++) for (let x = 0; x < width; x++)
+                if (pixels[4 * (y * width + x) + 2] > 90) {
+                  left = Math.min(left, x); right = Math.max(right, x); top = Math.min(top, y); bottom = Math.max(bottom, y);
+                }
+              return [left / width, 1 - right / width, top / height, 1 - bottom / height];
+            }"""
+        )
+        assert min(margins) > 0.005
+        assert min(margins[0] + margins[1], margins[2] + margins[3]) < 0.4, margins
+
+
 def test_names_with_markup_are_text(visit, report, run):
     with visit(report) as seen:
         assert run.name.split()[0] in seen.page.locator("body").inner_text()

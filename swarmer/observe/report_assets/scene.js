@@ -72,6 +72,15 @@
     return sum.map((total) => total / Math.max(count, 1));
   };
 
+  const reach = [1e-9, 1e-9]; // how far the shapes go to the sides and up and down, as first seen; cells
+  for (let k = -K; k < 0; k++) {
+    put(k, k, 0, still);
+    for (let i = 0; i < F; i++) {
+      if (!data[frame(k) + 3 * F + i]) continue;
+      for (const axis of [0, 1]) reach[axis] = Math.max(reach[axis], Math.abs(place[3 * i + axis]));
+    }
+  }
+
   const draw = () => {
     wanted = false;
     const ratio = devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
@@ -81,7 +90,8 @@
     const pen = canvas.getContext("2d");
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.fillStyle = "#10141c"; pen.fillRect(0, 0, width, height);
-    const scale = 0.54 * Math.min(width, height * 1.25) / radius * view.zoom;
+    const whole = Math.min(0.46 * width / reach[0], 0.46 * height / reach[1]); // all of it is in the first view
+    const scale = Math.min(0.54 * Math.min(width, height * 1.25) / radius, whole) * view.zoom;
     const dot = Math.max(0.8, Math.min(5, 0.38 * facts.spacing * scale));
     const spot = (i, size, colour) => {
       pen.fillStyle = colour;
