@@ -1,7 +1,9 @@
 """What faults cost, from the run directories of a sweep, as Markdown.
 
 python scripts/faults_table.py map runs/loss_map [--picture PATH]    HD at the end over loss and λ
-python scripts/faults_table.py failures runs/failures                HD, share lit, how soon replacements join
+python scripts/faults_table.py ends runs/loss_ends                   loss at sender, receiver, both: HD, one swarm
+python scripts/faults_table.py failures runs/failures [--picture P]  HD and share lit
+python scripts/faults_table.py joins runs/failures                   how soon replacements join; plays the runs again
 python scripts/faults_table.py partition runs/partition              when the parts, and when all, are one swarm
 """
 
@@ -13,35 +15,42 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from faults_pictures import heat_map, panels
 
+from swarmer.config import load_config
+from swarmer.engines.result import Witness
+from swarmer.engines.virtual import VirtualEngine
 from swarmer.experiments.results import RESULTS, RUN, STATUS, read_results
 from swarmer.experiments.tables import Row, bounded
+from swarmer.experiments.worlds import Onlooker
 from swarmer.fault_places import longest_axis, slabs
 from swarmer.faults import PARTITION
-from swarmer.metrics.intervals import NEVER, Interval, median
+from swarmer.messages import Swarm
+from swarmer.metrics.intervals import NEVER, Interval, mean, median
 from swarmer.observe.saved_run import SavedRun, load
+from swarmer.plan import make_plan
 
-LOSS, LAMBDA, RATE, POLICY = "radio.loss", "lambda_ms", "failure.rate", "thaw.policy"
+ENOUGH = 500  # joins
+EVERY_S, LONGEST_S = 0.5, 3600.0  # between two points of a curve; of a run
+LOSS, LAMBDA, RATE, POLICY, BURST = "radio.loss", "lambda_ms", "failure.rate", "thaw.policy", "radio.burst"
+ENDS = {"radio.loss_sender": "the sender", "radio.loss_receiver": "the receiver", LOSS: "both ends"}
 MOMENTS_S = (10, 20, 30, 45, 60)  # of the HD over time
-Flags = NDArray[np.bool_]
 
 
 def main(arguments: list[str]) -> int:
     """The exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("what", choices=("map", "failures", "partition"))
+    parser.add_argument("what", choices=("map", *TABLES))
     parser.add_argument("sweep", type=Path, help="the directory of a sweep")
-    parser.add_argument("--picture", type=Path, help="map: draw it there, too")
+    parser.add_argument("--picture", type=Path, help="map, failures: draw it there, too")
     options = parser.parse_args(arguments)
     try:
         cells = cells_of(options.sweep)
-        if options.what == "map":
-            print(loss_map(cells), end="")
-            if options.picture:
-                draw_map(cells, options.picture)
-        else:
-            print((failures if options.what == "failures" else partition)(cells, options.sweep), end="")
+        print(
+            loss_map(cells) if options.what == "map" else TABLES[options.what](cells, options.sweep), end=""
+        )
+        if options.picture:
+            {"map": draw_map, "failures": draw_failures}[options.what](cells, options.sweep, options.picture)
     except (OSError, ValueError, KeyError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
@@ -91,55 +100,66 @@ def _shown(rows: list[Row] | None) -> str:
     return "–" if not rows else bounded(last_hd(rows), lambda hd: f"{hd:.2g}")
 
 
-def draw_map(cells: Cells, path: Path) -> None:
+def draw_map(cells: Cells, sweep: Path, path: Path) -> None:
     """The map as a picture: colour is the logarithm of the median HD."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
-    from matplotlib.colors import LogNorm
-
     losses = sorted({float(rows[0][LOSS]) for rows in cells.values()})
     lambdas = sorted({float(rows[0][LAMBDA]) for rows in cells.values()})
     hd = np.full((len(losses), len(lambdas)), np.nan)
     for rows in cells.values():
         at = losses.index(float(rows[0][LOSS])), lambdas.index(float(rows[0][LAMBDA]))
-        hd[at] = last_hd(rows).estimate
-    hd[~np.isfinite(hd)] = np.nan
-    figure, axes = plt.subplots(figsize=(7, 5), layout="constrained")
-    low, high = np.nanmin(hd), np.nanmax(hd)
-    image = axes.imshow(
-        hd, origin="lower", aspect="auto", cmap="viridis_r", norm=LogNorm(low, max(high, 1.01 * low))
-    )
-    for (row, column), value in np.ndenumerate(hd):
-        text = "–" if np.isnan(value) else f"{value:.2g}"
-        dark = not np.isnan(value) and np.log(value / low) > 0.6 * np.log(max(high / low, 1.01))
-        axes.text(column, row, text, ha="center", va="center", fontsize=8, color="white" if dark else "black")
-    axes.set_xticks(range(len(lambdas)), [f"{ms:g}" for ms in lambdas])
-    axes.set_yticks(range(len(losses)), [f"{100 * loss:g} %" for loss in losses])
-    axes.set_xlabel("λ, ms")
-    axes.set_ylabel("loss, at the sender and again at the receiver")
-    figure.colorbar(image, label="HD at the end, cells (median)")
-    figure.savefig(path, dpi=120)
+        value = last_hd(rows).estimate
+        hd[at] = value if value < NEVER else np.nan
+    names = [f"{100 * loss:g} %" for loss in losses]
+    title = "HD at the end, cells (median): loss at the sender and again at the receiver, over λ"
+    path.write_text(heat_map(hd, names, [f"λ {ms:g} ms" for ms in lambdas], title), "utf-8")
+
+
+# -- loss at one end or both -----------------------------------------------------------------------------------------
+
+
+def ends(cells: Cells, sweep: Path) -> str:
+    """A row for each kind of loss: how fast HD falls, and how many formations were one swarm when they were thawed."""
+    titles = ["loss", "runs", "HD < 1, s", "HD < 0.1, s", "HD at the end", "formations", "not one swarm"]
+    lines = [
+        [
+            _loss(rows[0]), str(len(rows)),
+            *(_times([_number(row[f"time_to_hd_s.{hd}"]) for row in rows]) for hd in ("1", "0.1")),
+            bounded(last_hd(rows), lambda hd: f"{hd:.2g}"),
+            bounded(mean([float(row["thaws"]) for row in rows]), lambda value: f"{value:.1f}"),
+            str(sum(int(float(row["wrong_thaws"])) for row in rows)),
+        ]
+        for rows in cells.values()
+    ]  # fmt: skip
+    return table(titles, lines)
+
+
+def _loss(row: Row) -> str:
+    for name, where in ENDS.items():
+        if share := float(row.get(name) or 0):
+            burst = float(row.get(BURST) or 0)
+            return f"{100 * share:g} % at {where}" + (f", in bursts of {burst:g}" if burst else "")
+    return "none"
+
+
+def _number(cell: str | None) -> float:
+    return float(cell) if cell else NEVER
 
 
 # -- failures --------------------------------------------------------------------------------------------------------
 
 
 def failures(cells: Cells, sweep: Path) -> str:
-    """A row for each rate: HD at some moments, the mean share lit, failures, and how soon replacements join."""
+    """A row for each rate: failures, HD at some moments, the mean share lit."""
     over_time = [f"HD at {at} s" for at in MOMENTS_S]
-    titles = ["failures per FLS and s", "runs", "failures", *over_time, "lit", "joined within, λ"]
+    titles = ["failures per FLS and s", "runs", "failures", *over_time, "lit"]
     lines = []
     for rows in cells.values():
         runs = [load(sweep / row[RUN]) for row in rows]
-        joined = [waited for run, row in zip(runs, rows, strict=True) for waited in joins(run, row)]
         lines.append([
             f"{100 * float(rows[0][RATE]):g} %", str(len(runs)),
             bounded(median([float(row["failures"]) for row in rows]), lambda value: f"{value:.0f}"),
             *(bounded(median([hd_at(run, at) for run in runs]), lambda hd: f"{hd:.2g}") for at in MOMENTS_S),
             f"{100 * float(np.mean([share_lit(run) for run in runs])):.1f} %",
-            f"{np.median(joined):.1f} (of {len(joined)})" if joined else "–",
         ])  # fmt: skip
     return table(titles, lines)
 
@@ -159,35 +179,92 @@ def share_lit(run: SavedRun) -> float:
     return float(lit[whole[0] :].mean()) if len(whole) else float(lit.mean())
 
 
-def joins(run: SavedRun, row: Row) -> list[float]:
-    """How long each replacement, once it was lit, was in a swarm of its own, in λ; those that failed before left out.
+def draw_failures(cells: Cells, sweep: Path, path: Path) -> None:
+    """HD and share lit over time, the median of the runs of each rate."""
+    hd, lit = {}, {}
+    t_s = np.arange(0.0, LONGEST_S, EVERY_S)
+    for rows in cells.values():
+        lines = [_timeline(load(sweep / row[RUN])) for row in rows]
+        t_s = t_s[t_s <= min(float(line.t_s[-1]) for line in lines)]
+        at = [np.searchsorted(line.t_s, t_s, side="right") - 1 for line in lines]
+        name = f"{100 * float(rows[0][RATE]):g} % per s"
+        hd[name] = np.median(
+            [line.hd_cells[rows_at] for line, rows_at in zip(lines, at, strict=True)], axis=0
+        )
+        lit[name] = np.median(
+            [line.lit.mean(axis=1)[rows_at] for line, rows_at in zip(lines, at, strict=True)], axis=0
+        )
+    path.write_text(panels(t_s, hd, lit, "HD and share of points lit, by how often each FLS fails"), "utf-8")
 
-    As fine as the run's samples.
+
+# -- how soon replacements join ----------------------------------------------------------------------------------------
+
+
+class Joins(Witness):
+    """How long each replacement, once it is lit, is in a swarm of its own: to the event, in emulated seconds.
+
+    Samples would not do: whoever joins the swarm that only waited for it is thawed with all others at once.
     """
-    timeline, lambda_s = _timeline(run), float(run.config["lambda_ms"]) / 1e3
-    crowded = np.stack([_shared(swarm, lit) for swarm, lit in zip(timeline.swarm, timeline.lit, strict=True)])
-    found = []
-    gone: dict[int, list[float]] = {}
-    for event in run.events:
-        if event.kind in ("failure", "crash"):
-            gone.setdefault(event.fid, []).append(event.t_s)
-    for event in run.events:
-        if event.kind != "replacement":
-            continue
-        until = min((t_s for t_s in gone.get(event.fid, ()) if t_s > event.t_s), default=np.inf)
-        alive = (timeline.t_s >= event.t_s) & (timeline.t_s < until)
-        lit = np.flatnonzero(alive & timeline.lit[:, event.fid - 1])
-        joined = np.flatnonzero(alive & crowded[:, event.fid - 1])
-        if len(lit) and len(joined):
-            found.append(float(timeline.t_s[joined[0]] - timeline.t_s[lit[0]]) / lambda_s)
-    return found
+
+    def __init__(self) -> None:
+        self.waits_s: list[float] = []
+        self._lit_s: dict[Swarm, float] = {}  # who is still alone, by the swarm that it is
+
+    def handled(self, fls: Any, event: Any, actions: Any, cause: Any, now_s: float) -> None:
+        machine = fls.machine
+        if not machine.incarnation or not machine.awake:
+            return
+        own = Swarm(machine.fid, machine.incarnation)
+        if machine.swarm == own:
+            self._lit_s.setdefault(own, now_s)
+        elif self._lit_s.get(own, NEVER) < NEVER:
+            self.waits_s.append(now_s - self._lit_s[own])
+            self._lit_s[own] = NEVER  # it has joined; later thaws are another matter
+
+    @property
+    def failed(self) -> int:
+        """Replacements that failed while they were alone, or were alone at the end."""
+        return sum(lit_s < NEVER for lit_s in self._lit_s.values())
 
 
-def _shared(swarm: NDArray[Any], lit: Flags) -> Flags:
-    """Who is lit in a swarm that has another member."""
-    names, at, many = np.unique(np.where(lit, swarm, -1), return_inverse=True, return_counts=True)
-    shared: Flags = (many[at] > 1) & (names[at] > 0) & lit
-    return shared
+def joins(cells: Cells, sweep: Path) -> str:
+    """A row for each rate: how soon the replacements of its first runs joined, until there are enough of them."""
+    titles = [
+        "failures per FLS and s",
+        "runs",
+        "joins",
+        "joined within, median, λ",
+        "90 %, λ",
+        "never joined",
+    ]
+    lines = []
+    for rows in cells.values():
+        waits: list[float] = []
+        failed = runs = 0
+        for row in rows if float(rows[0][RATE]) else ():
+            lambda_s, found = watched(sweep / row[RUN])
+            waits += [wait_s / lambda_s for wait_s in found.waits_s]
+            failed, runs = failed + found.failed, runs + 1
+            if len(waits) >= ENOUGH:
+                break
+        if waits:
+            middle = bounded(median(waits), lambda value: f"{value:.2f}")
+            most = f"{np.percentile(waits, 90):.2f}"
+            lines.append(
+                [f"{100 * float(rows[0][RATE]):g} %", str(runs), str(len(waits)), middle, most, str(failed)]
+            )
+    return table(titles, lines)
+
+
+def watched(run: Path) -> tuple[float, Joins]:
+    """λ in seconds, and what was seen when the run was played once more. Raises ValueError for another engine's."""
+    plan = make_plan(load_config(run / "config.yaml"))
+    if plan.config.engine != "virtual":
+        raise ValueError(f"{run}: of the engine {plan.config.engine}; only virtual plays the same run again")
+    found = Joins()
+    with VirtualEngine(plan, (found,)) as engine:
+        engine.run(Onlooker())
+    return plan.rules.lambda_s, found
 
 
 # -- partitions ------------------------------------------------------------------------------------------------------
@@ -240,6 +317,8 @@ def _timeline(run: SavedRun) -> Any:
         raise ValueError(f"{run.path}: no timeline")
     return run.timeline
 
+
+TABLES = {"ends": ends, "failures": failures, "joins": joins, "partition": partition}
 
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))

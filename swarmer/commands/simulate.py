@@ -113,13 +113,16 @@ def _words(technique: str | None, overrides: tuple[str, ...]) -> str:
 
 def replay(world: World, until_s: float | None) -> int:
     """Play one world and tell how it went; the exit status. Raises BadInput."""
+    from swarmer.experiments.simulate import WORLD_S
+    from swarmer.experiments.world_watch import processor_time
     from swarmer.experiments.worlds import play
     from swarmer.faults import to_yaml
 
     click.echo(f"seed {world.seed}: {world.words()}")
     click.echo(f"settings: {world.settings}")
     click.echo(to_yaml(world.schedule), nl=False)
-    outcome = play(world, until_s)
+    with processor_time(WORLD_S):
+        outcome = play(world, until_s)
     if outcome.failure:
         if outcome.last:
             click.echo("the last events of those concerned:")
@@ -146,6 +149,7 @@ class Tally:
         self.worlds = self.failed = self.refused = self.events = 0
         self.slowest = 0.0
         self.why = ""
+        self.told: set[str] = set()  # what has been told of in full: names of invariants
         self._began = self._spoke = time.monotonic()
 
     @property
@@ -170,11 +174,15 @@ class Tally:
         if outcome.failure:
             self.failed += 1
             click.echo(f"FAILED seed {finding.seed} at {outcome.at_s:.3f} s: {outcome.failure}")
-            click.echo(f"  {finding.words}")
-            click.echo(f"  all of it: swarmer simulate --seed {finding.seed} {self.options}".rstrip())
-            if finding.file is not None:
+            whole = f"swarmer simulate --seed {finding.seed} {self.options}".rstrip()
+            if finding.file is None:
+                click.echo(f"  replay: {whole}")
+            else:
+                click.echo(f"  {finding.words}")
+                click.echo(f"  all of it: {whole}")
                 click.echo(f"  as small as it fails: {finding.small}")
                 click.echo(f"  replay: {command_of(finding.file)}")
+            self.told.add(outcome.invariant)
 
     def tick(self) -> None:
         """A line on stderr now and then."""
@@ -216,7 +224,7 @@ def _in_time(tasks: Iterable[Task], tally: Tally, length_s: float | None) -> Ite
     for task in tasks:
         if length_s is not None and tally.seconds >= length_s:
             return
-        yield task
+        yield task._replace(known=frozenset(tally.told))
 
 
 def _findings(tasks: Iterable[Task], jobs: int, out: Path, tally: Tally) -> Iterator[Finding]:
@@ -234,4 +242,4 @@ def _findings(tasks: Iterable[Task], jobs: int, out: Path, tally: Tally) -> Iter
             if isinstance(found, Finding):
                 yield found
             else:  # the worker died over it
-                yield Finding(task.seed, Outcome(failure=found.message))
+                yield Finding(task.seed, Outcome(failure=found.message, invariant=found.status))

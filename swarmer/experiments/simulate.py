@@ -12,12 +12,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from swarmer.errors import BadInput, shown
+from swarmer.experiments.world_watch import TOO_LONG, processor_time
 from swarmer.experiments.worlds import Outcome, World, draw, play
 from swarmer.faults import Fault, from_data, simpler, smallest, to_data
 from swarmer.observe.files import write_text
 from swarmer.yaml_file import read_mapping
 
 SHRINK_S = 60.0  # wall seconds, at most, to make a failing world small
+WORLD_S = 120.0  # seconds of processor time, at most, that a world takes
 POINTS_MIN = 2
 PARTS = ("seed", "settings", "calm", "faults", "failure")
 EXTRAS = (  # what a world can go without, group by group
@@ -33,6 +35,10 @@ class Task(NamedTuple):
     seed: int
     given: dict[str, Any]
     shrink_s: float = SHRINK_S
+    known: frozenset[str] = (
+        frozenset()
+    )  # what has failed so often before that a smaller world tells nothing new
+    world_s: float = WORLD_S
 
 
 class Finding(NamedTuple):
@@ -50,10 +56,13 @@ def judge(task: Task, out: Path) -> Finding:
     """Play the world of a seed; one that fails is made small and kept in the directory `out`."""
     world = draw(task.seed, task.given)
     try:
-        outcome = play(world)
+        with processor_time(task.world_s):
+            outcome = play(world)
     except BadInput as error:
         return Finding(task.seed, Outcome(), world.words(), refused=str(error))
-    if outcome.failure is None:
+    if outcome.failure is None or outcome.invariant in task.known:
+        return Finding(task.seed, outcome, world.words())
+    if TOO_LONG in outcome.failure:  # to make it small would take as long again, many times
         return Finding(task.seed, outcome, world.words())
     small = shrink_world(world, outcome, frozenset(task.given), task.shrink_s)
     path = out / f"seed-{task.seed}.yaml"

@@ -16,8 +16,10 @@ from swarmer.config import load_config, setting_facts
 from swarmer.engines.virtual import VirtualEngine
 from swarmer.errors import RunFailed
 from swarmer.experiments.world_extras import draw_extras, draw_more_faults
+from swarmer.experiments.world_watch import Nearer
 from swarmer.faults import Fault, Schedule
 from swarmer.observe.invariants import Checks, one_swarm_is_promised, one_swarm_within_s
+from swarmer.observe.invariants.liveness import OneSwarm
 from swarmer.plan import Plan, make_plan
 
 CALM_SHARE = 0.1  # worlds without any fault
@@ -256,14 +258,15 @@ def play(world: World, until_s: float | None = None) -> Outcome:
         plan = make_plan(plan.config.changed(duration_s=min(until_s, plan.config.duration_s)))
     checks = Checks(plan, world.schedule)
     outcome = Outcome(bound_s=one_swarm_within_s(plan))
-    onlooker = Onlooker(checks)
+    onlooker, nearer = Onlooker(checks), Nearer()
+    foreign = not plan.rules.technique.startswith("swarmer.")
     try:
-        with VirtualEngine(plan, (checks,), world.schedule) as engine:
+        with VirtualEngine(plan, (checks, nearer) if foreign else (checks,), world.schedule) as engine:
             result = engine.run(onlooker)
     except Exception as error:  # whatever it is, it is a finding
         outcome.invariant = type(error).__name__
-        outcome.failure = f"{outcome.invariant}: {error}"
-        outcome.events = checks.events
+        outcome.failure = str(error) if isinstance(error, RunFailed) else f"{outcome.invariant}: {error}"
+        outcome.events, outcome.at_s = checks.events, checks.now_s
         return outcome
     if result.status == "interrupted":
         raise KeyboardInterrupt
@@ -272,9 +275,13 @@ def play(world: World, until_s: float | None = None) -> Outcome:
         outcome.stands = f"{len(lit)} lit, {len(set(lit))} swarms"
     if result.status != "done":
         outcome.failure = result.message or result.status
+        outcome.invariant, outcome.at_s = outcome.failure.partition(":")[0], checks.now_s
     if checks.broken is not None:
         outcome.invariant, outcome.last = checks.broken.invariant.name, result.extra["violation"]["last"]
         outcome.at_s = checks.broken.t_s
+    wrong = nearer.wrong()
+    if wrong and outcome.invariant in ("", OneSwarm.name):  # that none forms comes of it
+        outcome.failure, outcome.invariant, outcome.at_s = wrong, "technique", checks.now_s
     outcome.events, outcome.digest = checks.events, result.extra["trace_sha256"]
     if one_swarm_is_promised(plan) and checks.facts.single_s is not None:
         outcome.took_s = checks.facts.single_s - (world.schedule.calm_s or 0.0)

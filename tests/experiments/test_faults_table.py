@@ -2,22 +2,14 @@
 
 import subprocess
 import sys
-from importlib import util
 from pathlib import Path
+from xml.etree import ElementTree
 
-import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scripts" / "faults_table.py"
 BASE = "base: {engine: virtual, shape: random, points: 24, lambda_ms: 200, recording.rate_hz: 20, duration_s: %s}\n"
-
-
-def module():
-    spec = util.spec_from_file_location("faults_table", SCRIPT)
-    made = util.module_from_spec(spec)
-    spec.loader.exec_module(made)
-    return made
 
 
 def swept(tmp_path, text):
@@ -40,22 +32,51 @@ def test_the_map_of_loss(tmp_path):
         BASE.replace(", lambda_ms: 200", "") % 4
         + "grid: {radio.loss: [0, 0.2], lambda_ms: [200, 500]}\nseeds: 2\n",
     )
-    lines = told("map", sweep, "--picture", tmp_path / "map.png")
+    lines = told("map", sweep, "--picture", tmp_path / "map.svg")
     assert lines[0] == ["loss", "λ 200 ms", "λ 500 ms"]
     assert [line[0] for line in lines[2:]] == ["0 %", "20 %"]
     assert all(float(cell.split()[0]) >= 0 for line in lines[2:] for cell in line[1:])
-    assert (tmp_path / "map.png").read_bytes()[:4] == b"\x89PNG"
+    texts, _ = drawn(tmp_path / "map.svg")
+    assert [text for text in texts if text.startswith("λ ")] == ["λ 200 ms", "λ 500 ms"]
+    assert sorted(text for line in lines[2:] for text in (cell.split()[0] for cell in line[1:])) == sorted(
+        texts[-4:]
+    )
+
+
+def drawn(path):
+    """The texts of a picture, and its curves."""
+    picture = ElementTree.fromstring(path.read_text("utf-8"))
+    texts = [text.text for text in picture.iter("{http://www.w3.org/2000/svg}text")]
+    return texts, list(picture.iter("{http://www.w3.org/2000/svg}polyline"))
 
 
 def test_failures(tmp_path):
     sweep = swept(tmp_path, BASE % 8 + "grid: {failure.rate: [0, 0.03]}\nseeds: 2\n")
-    head, _, none, some = told("failures", sweep)
+    head, _, none, some = told("failures", sweep, "--picture", tmp_path / "failures.svg")
     assert head[:3] == ["failures per FLS and s", "runs", "failures"]
-    assert (none[0], none[2], none[-2], none[-1]) == ("0 %", "0", "100.0 %", "–")
+    assert (none[0], none[2], none[-1]) == ("0 %", "0", "100.0 %")
     assert some[0] == "3 %"
     assert float(some[2]) > 2
-    assert 50 < float(some[-2].split()[0]) < 100
-    assert float(some[-1].split()[0]) < 10
+    assert 50 < float(some[-1].split()[0]) < 100
+    texts, curves = drawn(tmp_path / "failures.svg")
+    assert {"0 % per s", "3 % per s", "HD, cells", "lit"} <= set(texts)
+    assert len(curves) == 4
+    _, _, joins = told("joins", sweep)
+    assert joins[:2] == ["3 %", "2"]
+    assert 5 < int(joins[2]) < 30
+    assert 0 < float(joins[3].split()[0]) <= float(joins[4]) < 10
+
+
+def test_loss_at_an_end(tmp_path):
+    blocks = (
+        "blocks:\n  - base: {radio.loss_sender: 0.1}\n  - base: {radio.loss: 0.1, radio.burst: 5}\nseeds: 2\n"
+    )
+    head, _, sender, both = told("ends", swept(tmp_path, BASE % 8 + blocks))
+    assert head[0] == "loss"
+    assert sender[:2] == ["10 % at the sender", "2"]
+    assert both[0] == "10 % at both ends, in bursts of 5"
+    assert sender[-1] == both[-1] == "0"
+    assert sender[2].endswith("(2/2)")
 
 
 def test_a_partition(tmp_path):
@@ -70,12 +91,7 @@ def test_a_partition(tmp_path):
     assert 0 < float(healed[0].split()[0]) < 3
 
 
-def test_who_is_in_a_swarm_with_another():
-    shared = module()._shared(np.array([3, 3, 7, 0, 0, 7]), np.array([True, True, True, False, False, False]))
-    assert shared.tolist() == [True, True, False, False, False, False]
-
-
-@pytest.mark.parametrize("what", ["map", "failures", "partition"])
+@pytest.mark.parametrize("what", ["map", "ends", "failures", "joins", "partition"])
 def test_no_sweep_is_one_line(tmp_path, what):
     done = subprocess.run([sys.executable, SCRIPT, what, tmp_path], capture_output=True, text=True)
     assert done.returncode == 1

@@ -86,6 +86,7 @@ class Checks(Witness):
         self.invariants = tuple(kind(self.facts) for kind in INVARIANTS)
         self.broken: Broken | None = None
         self.events = 0
+        self.now_s = 0.0  # of the latest event
         self._step = Step()
         self._thaws: dict[int, int] = {}  # of each list of counters, as it was seen last
         self._swarms: dict[Swarm, int] = {}  # how many are in each
@@ -129,6 +130,7 @@ class Checks(Witness):
             self._judge(self._named("S13"), "acts, and is no more", machine.fid, now_s)
             return
         self.events += 1
+        self.now_s = now_s
         thaws = 0
         if machine.thawed_s == now_s:
             thaws = self._thaws_since(machine.counts)
