@@ -13,6 +13,7 @@ import signal
 import socket
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -188,7 +189,11 @@ def nodes(ray: ModuleType) -> list[Node]:
         if one["Alive"] and resources.get("CPU", 0) >= 1:
             memory = resources.get("memory", 0) / 1e6
             found.append(Node(one["NodeID"], one["NodeManagerAddress"], int(resources["CPU"]), memory))
-    return found
+    addresses = Counter(node.name for node in found)  # several nodes on one machine have one
+    return [
+        node if addresses[node.name] == 1 else node._replace(name=f"{node.name} ({node.id[:6]})")
+        for node in found
+    ]
 
 
 def on_node(ray: ModuleType, node: str) -> Any:

@@ -83,7 +83,7 @@ OTHERS = {
     "python": ("3.12", r"node 10\.0\.0\.7 has Python 3\.12, and this machine 3\.11"),
     "ray": ("2.9.0", r"node 10\.0\.0\.7 has Ray 2\.9\.0, and this machine 2\.60\.0"),
     "swarmer": ("0.2.0", r"node 10\.0\.0\.7 has swarmer 0\.2\.0, and this machine 0\.1\.0"),
-    "sources": ("abd", r"node 10\.0\.0\.7 has other sources of swarmer 0\.1\.0"),
+    "sources": ("other", r"node 10\.0\.0\.7 has other sources of swarmer 0\.1\.0"),
 }
 
 
