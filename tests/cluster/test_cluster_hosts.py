@@ -187,7 +187,7 @@ def test_a_host_that_is_not_reached(launch, said):
             "battery.standby_group: 2 is not for the engine cluster",
         ),
         (
-            {"cluster.hosts": "localhost", "faults.list": [{"at": 1, "what": "kill", "where": {"swarm_of": 2}}]},
+            {"cluster.hosts": "localhost", "faults.schedule": [{"at": 1, "what": "kill", "where": {"swarm_of": 2}}]},
             "faults: a fault that strikes a swarm is not for the engine cluster",
         ),
         (
