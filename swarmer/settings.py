@@ -58,7 +58,6 @@ class Setting:
     words: tuple[
         Any, ...
     ] = ()  # the choices, for a name those that are ours; for a number: words taken besides
-    later: tuple[str, ...] = ()  # choices of which we know that this version does not have them
     none: str = ""  # what null stands for; empty where null is not taken
     only: str = ""  # the engine that alone heeds it; empty: every engine does
     group: str = ""  # for a name: of entry points, under which other packages add theirs
@@ -166,7 +165,7 @@ def _check_choice(setting: Setting, value: Any) -> Any:
         value = int(value)
     if isinstance(value, str | int) and value in setting.words:
         return value
-    raise Refused("is not in this version" if value in setting.later else "is not a choice")
+    raise Refused("is not a choice")
 
 
 def _check_name(setting: Setting, value: Any) -> str:
@@ -240,9 +239,9 @@ def flag(default: bool, help: str, only: str = "") -> Any:
     return _field(Setting("flag", default, help, only=only))
 
 
-def choice(default: Any, help: str, later: tuple[str, ...] = (), only: str = "") -> Any:
-    """One of the words of the field's own type, a Literal; `later`: words that another version takes."""
-    return _field(Setting("choice", default, help, later=later, only=only))
+def choice(default: Any, help: str, only: str = "") -> Any:
+    """One of the words of the field's own type, a Literal."""
+    return _field(Setting("choice", default, help, only=only))
 
 
 def named(default: str, words: tuple[str, ...], group: str, help: str) -> Any:

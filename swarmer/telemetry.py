@@ -294,49 +294,26 @@ class Load(NamedTuple):
     epoch: int  # the newest
 
 
-class Rows:
-    """All slots as numpy has them."""
+class Reader:
+    """Looks at all slots; belongs to the engine, which has numpy."""
 
     RETRIES = (
         1000  # a writer that was stopped mid-write must not stop the reader: then the last good row stands
     )
 
-    def __init__(self, shared: SharedMemory) -> None:
+    def __init__(self, shared: SharedMemory, velocity: Velocity) -> None:
         import numpy as np
 
         self._np = np
+        self._velocity = velocity
+        self._clock = Clock(shared)
+        self._shared = shared
         self._slots = np.frombuffer(shared.map, dtype=_slot_dtype(), count=shared.count, offset=PAGE)
         self._last = self._slots.copy()
 
     def close(self) -> None:
         """Let go of the mapping."""
         del self._slots
-
-    def copy(self) -> NDArray[np.void]:
-        """(F,): every row is whole."""
-        np = self._np
-        rows = self._slots.copy()
-        torn = np.arange(len(rows))
-        for _ in range(self.RETRIES):
-            # A row is whole if its number was even and is still the same after the copy.
-            now = self._slots["sequence"][torn]
-            torn = torn[(rows["sequence"][torn] % 2 == 1) | (rows["sequence"][torn] != now)]
-            if not len(torn):
-                break
-            rows[torn] = self._slots[torn]
-        if len(torn):
-            rows[torn] = self._last[torn]
-        self._last = rows
-        return rows
-
-
-class Reader(Rows):
-    """Looks at all slots; belongs to the engine, which has numpy."""
-
-    def __init__(self, shared: SharedMemory, velocity: Velocity) -> None:
-        super().__init__(shared)
-        self._velocity = velocity
-        self._clock = Clock(shared)
 
     def life(self) -> NDArray[np.int8]:
         """(F,): how far each process has got."""
@@ -357,7 +334,7 @@ class Reader(Rows):
         """One look. The moment is that of the copy; every row is whole."""
         np = self._np
         t_s = self._clock.now()
-        rows = self.copy()
+        rows = self._copy()
         return Sample(
             t_s=t_s,
             position=self._positions(rows, t_s),
@@ -375,6 +352,22 @@ class Reader(Rows):
             timer_late=rows["timer_late"].sum(axis=0, dtype=np.int64),
             handled_late=rows["handled_late"].sum(axis=0, dtype=np.int64),
         )
+
+    def _copy(self) -> NDArray[np.void]:
+        np = self._np
+        rows = self._slots.copy()
+        torn = np.arange(len(rows))
+        for _ in range(self.RETRIES):
+            # A row is whole if its number was even and is still the same after the copy.
+            now = self._slots["sequence"][torn]
+            torn = torn[(rows["sequence"][torn] % 2 == 1) | (rows["sequence"][torn] != now)]
+            if not len(torn):
+                break
+            rows[torn] = self._slots[torn]
+        if len(torn):
+            rows[torn] = self._last[torn]
+        self._last = rows
+        return rows
 
     def _positions(self, rows: NDArray[np.void], t_s: float) -> NDArray[np.float64]:
         """`physics.flight.position_at` for all rows at once."""

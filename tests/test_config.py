@@ -217,7 +217,8 @@ def test_any_file_gives_a_config_or_one_line(tmp_path, text):
         ("m=3", "m: 3 is not a choice; inf or 2 (default inf)"),
         ("anchor=lowset", "anchor: 'lowset' is not a choice; did you mean 'lowest'? lowest, largest, smallest, "
                           "challenger or random (default lowest)"),
-        ("engine=cluster", "engine: 'cluster' is not in this version; process, virtual or rounds (default process)"),
+        ("engine=clustr", "engine: 'clustr' is not a choice; did you mean 'cluster'? process, virtual, rounds or "
+                          "cluster (default process)"),
         ("rounds=5", "rounds: is a group of settings; give one of them, such as 'rounds.max_rounds'"),
         ("lambda_ms=abc", "lambda_ms: 'abc' is not a number; milliseconds, 1 to 600000 (default 500)"),
         ("lambda_ms=1:30", "lambda_ms: '1:30' is not a number; milliseconds, 1 to 600000 (default 500)"),

@@ -36,7 +36,7 @@ def test_json_is_one_object_with_everything():
     found = json.loads(done.stdout)
     assert found["format"] == 1
     assert found["dragon"] is True
-    assert found["engines"] == ["process", "virtual", "rounds"]
+    assert found["engines"] == ["process", "virtual", "rounds", "cluster"]
     assert {check["mark"] for check in found["checks"]} <= {"ok", "warn", "fail", ""}
     assert found["trial"] is None
 

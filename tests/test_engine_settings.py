@@ -11,11 +11,15 @@ from swarmer.errors import BadInput
 SWARMER = Path(__file__).resolve().parent.parent / "swarmer"
 # What only the process engine runs; `specs.setup` besides, what its dispatchers are told.
 OF_PROCESSES = {
-    "engines/process.py", "engines/real_time.py", "engines/dispatcher.py", "engines/governor.py", "engines/trial.py", "engines/measured.py",
+    "engines/process.py", "engines/real_time.py", "engines/dispatcher.py", "engines/governor.py",
+    "engines/trial.py", "engines/measured.py",
     "engines/limits.py", "engines/kernel_services.py", "engines/warm_up.py", "engines/doctor.py", "fls_process.py",
     "fls_loops.py", "udp_wrapper.py",
 }  # fmt: skip
 OF_VIRTUAL = {"engines/virtual.py"}
+OF_CLUSTERS = {
+    f"engines/cluster/{name}.py" for name in ("agent", "engine", "hosts", "launch", "on_ray", "relay")
+}
 FREE = {"engine"}  # picks one
 
 
@@ -31,16 +35,21 @@ def read(path: Path, setup: bool) -> set[str]:
 
 def reads(without: set[str]) -> set[str]:
     files = [path for path in SWARMER.rglob("*.py") if str(path.relative_to(SWARMER)) not in without]
-    return set().union(*(read(path, setup=without is not OF_PROCESSES) for path in files))
+    return set().union(*(read(path, setup=not without >= OF_PROCESSES) for path in files))
 
 
-@pytest.mark.parametrize(("engine", "other"), [("process", OF_PROCESSES), ("virtual", OF_VIRTUAL)])
+@pytest.mark.parametrize(
+    ("engine", "other"),
+    [("process", OF_PROCESSES | OF_CLUSTERS), ("virtual", OF_VIRTUAL), ("cluster", OF_CLUSTERS)],
+)
 def test_what_nobody_but_one_engine_reads_says_so(engine, other):
     elsewhere = reads(without=other) | FREE
+    # The processes of a cluster heed what processes heed, and more.
+    engines = (engine, "cluster") if engine == "process" else (engine,)
     for fact in setting_facts():
         name = fact.name.rpartition(".")[2]
         if name not in elsewhere:
-            assert fact.only == engine, (
+            assert fact.only in engines, (
                 f"{fact.name} is read by the engine {engine} alone: declare only={engine!r}"
             )
 
@@ -48,7 +57,7 @@ def test_what_nobody_but_one_engine_reads_says_so(engine, other):
 def test_a_group_named_after_an_engine_is_that_engines():
     for fact in setting_facts():
         group = fact.name.partition(".")[0]
-        if group in ("process", "virtual"):
+        if group in ("process", "virtual", "cluster"):
             assert fact.only == group, fact.name
 
 
@@ -65,6 +74,12 @@ def test_a_group_named_after_an_engine_is_that_engines():
         ),
         ("virtual", {"virtual.handling_ms": 3, "radio.loss": 0.1, "radio.mac": True}, None),
         ("process", {"fls_loop": "threads", "radio.port": 5000}, None),
+        ("cluster", {"fls_loop": "threads", "radio.carrier": "broadcast", "cluster.relay_loss": 0.1}, None),
+        (
+            "process",
+            {"cluster.relay_loss": 0.1},
+            "cluster.relay_loss: 0.1 has no effect with the engine process",
+        ),
     ],
 )
 def test_a_setting_that_the_engine_does_not_heed_is_told(engine, settings, told):

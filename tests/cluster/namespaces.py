@@ -62,7 +62,17 @@ class Namespaces:
             ip("netns", "add", host)
             self._in(host, "link", "set", "lo", "up")
             self._in(
-                self.engine, "link", "add", f"to{number}", "type", "veth", "peer", "name", "eth", "netns", host
+                self.engine,
+                "link",
+                "add",
+                f"to{number}",
+                "type",
+                "veth",
+                "peer",
+                "name",
+                "eth",
+                "netns",
+                host,
             )
             self._in(self.engine, "link", "set", f"to{number}", "master", "bridge", "up")
             self._in(host, "addr", "add", f"10.77.0.{number}/24", "dev", "eth")

@@ -9,26 +9,32 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 RUN = "from swarmer import cli; import sys; sys.argv[0] = 'swarmer-run'; cli.main_run()"
 
 
-def start(*arguments: str, cwd: Path, deaf_to: int | None = None) -> subprocess.Popen[str]:
-    """Start `swarmer-run`, with Ctrl-C as a terminal has it. deaf_to: a signal that it ignores, as under nohup."""
+def start(
+    *arguments: str, cwd: Path, deaf_to: int | None = None, before: Sequence[str] = ()
+) -> subprocess.Popen[str]:
+    """Start `swarmer-run`, with Ctrl-C as a terminal has it.
 
-    def before() -> None:
+    deaf_to: a signal that it ignores, as under nohup. before: a command that starts it.
+    """
+
+    def prepare() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
         if deaf_to is not None:
             signal.signal(deaf_to, signal.SIG_IGN)
 
     return subprocess.Popen(
-        [sys.executable, "-c", RUN, *arguments],
+        [*before, sys.executable, "-c", RUN, *arguments],
         cwd=cwd,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=before,
+        preexec_fn=prepare,
     )
 
 

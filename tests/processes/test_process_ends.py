@@ -196,7 +196,11 @@ def test_a_taken_port_is_refused_and_nothing_written(tmp_path):
         (["--shape", "random", "--points", "5", "--set", "eta=5"], "eta: 5 is not allowed; 1 to 4"),
         (["--set", "radio.los=0.1"], "radio.los: no such setting; did you mean 'radio.loss'?"),
         (["--set", "technique=signal_strenght"], "technique: "),
-        (["--engine", "cluster"], "engine: "),
+        (["--engine", "clustr"], "engine: "),
+        (
+            ["--engine", "cluster", "--set", "cluster.hosts=a,,b"],
+            "cluster.hosts: 'a,,b' is not allowed; names",
+        ),
         (["--points", "1"], "points: 1 is out of range"),
         (["--time-scale", "0"], "time_scale: 0 is out of range"),
         (["--out", ""], "out: '' is not allowed"),

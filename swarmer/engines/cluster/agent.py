@@ -38,6 +38,7 @@ from swarmer.udp_wrapper import ELSEWHERE, HOME, lock_port
 COPY_S = 0.05  # wall seconds from one copy of the slots to the next
 WEIGH_EVERY_S, WEIGHED = 5.0, 8
 CONNECT_S = 10.0
+LOOK_S = 0.1  # wall seconds between two looks at whether the engine lives
 END_S = 5.0
 LINE_MAX = 1 << 28
 
@@ -109,7 +110,7 @@ class Agent:
 
     async def _watch_the_engine(self) -> None:
         while time.monotonic() - self._heard_at < self._patience_s:
-            await asyncio.sleep(self._patience_s / 8)
+            await asyncio.sleep(LOOK_S)
         self.over.set()
 
     async def _answer(self, said: dict[str, Any], _: bytes) -> None:
@@ -334,7 +335,8 @@ def main() -> int:
         complain("the engine was not reached: no answer")
         return 1
     except OSError as error:
-        complain(f"the engine was not reached: {error.strerror or error}")
+        # Not `strerror`: asyncio puts the address there.
+        complain(f"the engine was not reached: {os.strerror(error.errno) if error.errno else error}")
         return 1
     return 0
 

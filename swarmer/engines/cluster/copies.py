@@ -7,30 +7,46 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swarmer.telemetry import LIFE_AT, PAGE, SLOT, Life, Rows, SharedMemory
+from swarmer.telemetry import LIFE_AT, PAGE, SLOT, Life, Reader, SharedMemory
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 WORDS = SLOT // 8  # of a slot
 _PLACE, _VALUE = np.dtype("<u4"), np.dtype("<u8")
+_LOW = np.uint64(0xFFFFFFFF)
 
 
 class Copier:
     """Looks at the slots of this host's FLSs."""
 
     def __init__(self, shared: SharedMemory, fids: Sequence[int]) -> None:
-        self._shared, self._rows = shared, Rows(shared)
+        self._shared = shared
+        self._words = np.frombuffer(shared.map, _VALUE, shared.count * WORDS, PAGE).reshape(-1, WORDS)
         self._fids = np.array(fids, np.int64)
         self._last = np.zeros((len(fids), WORDS), _VALUE)
 
     def changed(self) -> bytes:
         """What has changed since the last look: places among the words of all slots, then values."""
-        rows = self._rows.copy()[self._fids - 1].view(_VALUE).reshape(-1, WORDS)
+        rows = self._whole()
         row, word = np.nonzero(rows != self._last)
         self._last = rows
         places = ((self._fids[row] - 1) * WORDS + word).astype(_PLACE)
         return places.tobytes() + rows[row, word].tobytes()
+
+    def _whole(self) -> NDArray[np.uint64]:
+        """The slots, none of them half-written: by the sequence number in the low half of its first word."""
+        at = self._fids - 1
+        rows = self._words[at]
+        torn = np.arange(len(at))
+        for _ in range(Reader.RETRIES):
+            first = rows[torn, 0]
+            torn = torn[(first % 2 == 1) | (first & _LOW != self._words[at[torn], 0] & _LOW)]
+            if not len(torn):
+                return rows
+            rows[torn] = self._words[at[torn]]
+        rows[torn] = self._last[torn]  # whoever wrote them was stopped meanwhile
+        return rows
 
     def take(self, fids: Sequence[int], slots: bytes) -> None:
         """Have these FLSs, too, from now on; what their slots held elsewhere is where they begin."""
