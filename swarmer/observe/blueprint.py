@@ -60,7 +60,7 @@ def make_blueprint(truth: NDArray[np.float64], duration_s: float, network: bool,
         late = _plot("/lateness", "Lateness, p99, emulated ms", 2)
         plots.append(rrb.Tabs(_plot("/datagrams", "Datagrams per emulated second", 2), late))
     shown = rrb.Horizontal(
-        _display(truth), rrb.Vertical(*plots, row_shares=[3, 2, 3, 2][: len(plots)]), column_shares=[3, 2]
+        _display(truth), rrb.Vertical(*plots, row_shares=[3, 2, 4, 2][: len(plots)]), column_shares=[3, 2]
     )
     return rrb.Blueprint(
         rrb.Vertical(shown, _log(), row_shares=[4, 1]),

@@ -22,8 +22,6 @@ from swarmer.observe.scene import Scene
 from swarmer.observe.tracks import Moment, Track
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from swarmer.engines.result import Event, Snapshot
     from swarmer.observe.files import Stream
     from swarmer.observe.live import LiveViewer
@@ -55,7 +53,6 @@ class Recording:
 
         config, standings = plan.config, plan.standings()
         truth = standings[0].truth
-        self._truth, self._duration_s = truth, config.duration_s
         rate_hz = (
             1.0 if config.engine == "rounds" else config.recording.rate_hz
         )  # a round is drawn as a second
@@ -63,13 +60,18 @@ class Recording:
         self._pump, self._viewer = Pump(stream, viewer), viewer
         # Real time is shown as it comes; what virtual time computes ahead of the viewer is played.
         self._following = viewer is not None and config.engine in ("process", "cluster")
-        self._look: Callable[[bool], Any] | None = None  # the blueprint, following or not
+        self._look = partial(make_blueprint, truth, config.duration_s)
+        self._network = True  # there are curves of datagrams and lateness
         self._rec: Any = rr.RecordingStream(
             "swarmer", recording_id=f"{plan.cloud.name}-{secrets.token_hex(4)}"
         )
         self._rec.set_sinks(rr.FileSink(self._pump.path))
         self._pump.opened()
         self._rec.send_recording_name(f"{plan.cloud.name}, {config.engine}, seed {config.seed}")
+        if (
+            self._following
+        ):  # the launch takes a while, and is not watched in a layout that the viewer made up
+            self._rec.send_blueprint(self._look(self._network, following=True))
         self._scene = Scene(self._rec, standings, config)
         self._narrator = Narrator()
         names = ("hd/log10", "hd_cells", "swarms", "states", "datagrams", "lateness")
@@ -107,8 +109,9 @@ class Recording:
         """Say how it is to be looked at, now that it is known what the engine has."""
         network = "datagrams_sent" in first.counters
         log_curves(self._rec, network)
-        self._look = partial(make_blueprint, self._truth, self._duration_s, network)
-        self._rec.send_blueprint(self._look(self._following))
+        if not self._following or network != self._network:
+            self._network = network
+            self._rec.send_blueprint(self._look(network, self._following))
 
     def _draw(self, at: Moment, snapshot: Snapshot) -> None:
         self._undrawn = None
@@ -175,10 +178,10 @@ class Recording:
         if self._undrawn is not None:
             self._draw(*self._undrawn)
         self._send()
-        if self._following and self._look is not None:
+        if self._following:
             self._rec.flush()
             self._pump.let_viewer_go()
-            self._rec.send_blueprint(self._look(False))  # the file is to be played
+            self._rec.send_blueprint(self._look(self._network, following=False))  # the file is to be played
         ender = threading.Thread(target=self._rec.disconnect, daemon=True)
         ender.start()
         ender.join(CLOSE_S)

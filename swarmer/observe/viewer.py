@@ -19,6 +19,7 @@ from swarmer.errors import RunFailed
 HOST = "127.0.0.1"
 GRPC_PORT = 9876
 WEB_PORT = 9090
+THREADS_MIN = 4
 STDIN = Path("-")  # in place of a file: what comes on the standard input
 HTTP2_GREETING, HTTP2_SETTINGS = (
     b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
@@ -42,8 +43,22 @@ def rerun_command() -> list[str]:
 
 
 def native_command(files: Sequence[Path], port: int) -> list[str]:
-    """The desktop viewer, listening on `port`, showing `files`; in one that listens there already, if there is one."""
-    return [*rerun_command(), "--bind", HOST, "--port", str(port), *map(str, files)]
+    """The desktop viewer, listening on `port`, showing `files`; in one that listens there already, if there is one.
+
+    Reading the standard input takes one of its threads until the end, and without another no window opens so long. Of
+    itself it has two fewer than there are cores, and at least one.
+    """
+    threads = max(THREADS_MIN, (os.cpu_count() or 1) - 2)
+    return [
+        *rerun_command(),
+        "--bind",
+        HOST,
+        "--port",
+        str(port),
+        "--threads",
+        str(threads),
+        *map(str, files),
+    ]
 
 
 def serves_viewers(port: int, wait_s: float = 1.0) -> bool:

@@ -20,11 +20,16 @@ from swarmer.errors import BadInput, RunFailed
 from swarmer.observe import live, live_page
 from swarmer.observe.collector import Collector
 from swarmer.observe.live import LiveViewer, check_way, open_viewer
+from swarmer.observe.recording import Recording
 from swarmer.observe.run_directory import RunDirectory
 from swarmer.observe.viewer import HOST, answers, native_command, serves_viewers
 
 PLAYING, FOLLOWING = 2, 3  # of rerun's PlayState
-COPY = "import shutil, sys; shutil.copyfileobj(sys.stdin.buffer, open(sys.argv[1], 'wb'))"
+COPY = """import os, sys
+with open(sys.argv[1], "wb", 0) as file:
+    while data := os.read(0, 65536):
+        file.write(data)
+"""
 SLEEP = [sys.executable, "-c", "import time; time.sleep(60)"]
 
 
@@ -87,6 +92,23 @@ def test_the_viewer_gets_what_the_file_gets(tmp_path, collector, viewer_of):
     ]
     last = blueprint(tmp_path / "run" / "recording.rrd", blueprint_ids(tmp_path / "cut.rrd"))
     assert [value[0] for value in last["TimePanelBlueprint:play_state"]] == [PLAYING]
+
+
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
+def test_the_launch_is_watched_in_our_layout(tmp_path, fake):
+    """Before there is any sample."""
+    shown = tmp_path / "shown"
+    viewer = LiveViewer([sys.executable, "-c", COPY, str(shown)], [])
+    recording = Recording(fake.plan(), None, viewer)
+    states = None
+    for _ in range(200):
+        with contextlib.suppress(OSError, RuntimeError, ValueError, KeyError):  # it is being written
+            (states,) = blueprint(shown)["TimePanelBlueprint:play_state"]
+            break
+        time.sleep(0.05)
+    recording.close()
+    assert states == [FOLLOWING]
+    assert viewer._process.wait(10) == 0
 
 
 def test_virtual_time_is_played_live(tmp_path, collector, viewer_of):

@@ -70,6 +70,14 @@ def test_viewers_listen_on_this_machine_only(tmp_path):
     assert line[line.index("--bind") + 1] == "127.0.0.1"
 
 
+@pytest.mark.parametrize(("cores", "threads"), [(1, 4), (2, 4), (16, 14), (None, 4)])
+def test_a_window_is_not_kept_closed_by_who_reads_its_input(monkeypatch, cores, threads):
+    """On a machine of few cores rerun has one thread of that kind, which reads until the run has ended."""
+    monkeypatch.setattr(os, "cpu_count", lambda: cores)
+    line = viewer.native_command((viewer.STDIN,), 1)
+    assert line[line.index("--threads") + 1] == str(threads)
+
+
 def test_a_run_of_a_later_format_is_shown_as_far_as_it_is_known(finished_run, tmp_path):
     for name in ("manifest.json", "summary.json"):
         run = shutil.copytree(finished_run, tmp_path / name)
