@@ -68,9 +68,7 @@ class Recording:
         self._rec.set_sinks(rr.FileSink(self._pump.path))
         self._pump.opened()
         self._rec.send_recording_name(f"{plan.cloud.name}, {config.engine}, seed {config.seed}")
-        if (
-            self._following
-        ):  # the launch takes a while, and is not watched in a layout that the viewer made up
+        if self._following:  # a launch takes a while; the viewer would make up a layout
             self._rec.send_blueprint(self._look(self._network, following=True))
         self._scene = Scene(self._rec, standings, config)
         self._narrator = Narrator()
