@@ -22,6 +22,7 @@ from swarmer.observe.files import write_text
 from swarmer.observe.kept_scenes import MOST_OF_A_MOMENT, STATES, KeptScenes
 from swarmer.observe.moves import Moves
 from swarmer.observe.palette import STATE_COLOURS
+from swarmer.observe.report_drawing import ROUNDS, SECONDS, Clock, clock_of
 from swarmer.observe.report_page import (
     ASSETS,
     GENERATOR,
@@ -108,22 +109,45 @@ def section(story: Story, page: str) -> str:
         f"{escape(cause.sentences[0] if cause.sentences else '')}</li>"
         for number, cause in enumerate(story.causes[:SHOWN_IN_REPORT], 1)
     )
-    lead = f"HD rose {_times(story.in_all)} by more than {LEAST_FACTOR - 1:.0%}" + (
-        "; most, in proportion:" if items else ". "
-    )
+    lead = _lead_of(story.in_all, bool(items))
     return (
-        f"<p>{lead}</p><ol>{items}</ol>"
+        f"{lead}{f'<ol>{items}</ol>' if items else ''}"
         f'<p><a href="{escape(page)}">The datagrams, leases and vectors behind it</a>, of these moments and of any '
         f"FLS, are in <code>{escape(page)}</code> beside this file.</p>"
     )
 
 
+def _lead_of(in_all: int, told: bool) -> str:
+    share = f"{LEAST_FACTOR - 1:.0%}"
+    if not in_all:
+        return f"<p>HD never rose by more than {share} from one sample to the next.</p>"
+    return f"<p>HD rose {_times(in_all)} by more than {share}{'; most, in proportion:' if told else '.'}</p>"
+
+
 def _without_log(run: SavedRun) -> str:
+    """The moments, as far as the positions tell them, and how to come by the rest."""
+    timeline = run.timeline
+    found, in_all = (
+        rises(timeline, SHOWN_IN_REPORT) if timeline is not None and len(timeline.t_s) else ([], 0)
+    )
+    items = "".join(f"<li>{escape(_said(rise, clock_of(run)))} {escape(_who(rise))}</li>" for rise in found)
     config = shlex.quote(str(run.path / "config.yaml"))
     command = f"swarmer-run --config {config} --engine virtual --trace"
     return (
-        "<p>This run has no event log, so this report cannot say why HD rose. The same settings in virtual time keep "
-        f"one; report that run:</p><pre>{escape(command)}</pre>"
+        f"{_lead_of(in_all, bool(items))}{f'<ol>{items}</ol>' if items else ''}"
+        "<p>This run has no event log, so this report cannot say why. The same settings in virtual time keep one; "
+        f"report that run:</p><pre>{escape(command)}</pre>"
+    )
+
+
+def _who(rise: Rise) -> str:
+    """Who is off, by how much at most."""
+    if not rise.off:
+        return ""
+    many, worst = len(rise.off) > 1, rise.off[0]
+    return (
+        f"{flss([off.fid for off in rise.off])} {'are up to' if many else 'is'} {cells(worst.after_cells)} cells off"
+        f"{', dark before' if worst.before_cells != worst.before_cells and not many else ''}."
     )
 
 
@@ -131,9 +155,10 @@ def _times(number: int) -> str:
     return {0: "never", 1: "once"}.get(number, f"{number:,} times")
 
 
-def _said(rise: Rise) -> str:
+def _said(rise: Rise, clock: Clock = SECONDS) -> str:
+    when = clock.say(rise.to_s) if clock is ROUNDS else f"{rise.to_s:.2f} s"
     return (
-        f"{rise.to_s:.2f} s: HD {cells(rise.before_cells)} to {cells(rise.after_cells)} cells, "
+        f"{when}: HD {cells(rise.before_cells)} to {cells(rise.after_cells)} cells, "
         f"{rise.factor:.3g} times as large."
     )
 

@@ -42,7 +42,7 @@ def _head(summary: dict[str, Any]) -> str:
     status = ENDED.get(str(summary.get("status")), str(summary.get("status")))
     wall = summary.get("wall_s") or 0.0
     if summary.get("rounds") is not None:
-        went = f"{summary['rounds']} rounds"
+        went = f"{summary['rounds']} round{'s' * (summary['rounds'] != 1)}"
     else:
         went = f"{summary.get('emulated_s') or 0.0:.1f} s emulated"
     return f"{status}: {summary.get('shape')}, {summary.get('points')} FLSs, {went} in {wall:.1f} s"

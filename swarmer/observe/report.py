@@ -80,6 +80,9 @@ def write_report(paths: list[Path], out: Path | None = None) -> Path:
         raise BadInput(
             "run", f"{len(paths)} runs", f"at most {RUNS_MAX} in one report; `swarmer compare` takes more"
         )
+    twice = next((path for i, path in enumerate(paths) if path.resolve() in _resolved(paths[:i])), None)
+    if twice is not None:
+        raise BadInput("run", str(twice), "each run once: it is named twice, and would count as two seeds")
     runs = [load(path) for path in paths]
     if out is None:
         out = paths[0] / REPORT if len(paths) == 1 else Path(REPORT)
@@ -87,6 +90,10 @@ def write_report(paths: list[Path], out: Path | None = None) -> Path:
     cause = [write_cause(runs[0], out, _refuse_foreign)] if len(runs) == 1 else []
     write_text(out, make_report(runs, cause))
     return out
+
+
+def _resolved(paths: Sequence[Path]) -> list[Path]:
+    return [path.resolve() for path in paths]
 
 
 def make_report(runs: list[SavedRun], cause: Sequence[Part] = ()) -> str:
@@ -104,8 +111,7 @@ def single(run: SavedRun, cause: Sequence[Part] = ()) -> str:
         report_page.missing_note([run]),
         report_words.tiles(run),
     ]
-    points = run.summary.get("points")
-    heading = run.shape if points is None else f"{run.shape}: {points:,.0f} FLSs"
+    heading = report_words.heading(run)
     made = [part for make in PARTS if (part := make(run)) is not None]
     behind = next((i for i, part in enumerate(made) if part.key == "summary"), len(made))
     made[behind:behind] = cause

@@ -20,7 +20,7 @@ from swarmer.observe.report_drawing import (
     svg_of,
     thinned,
 )
-from swarmer.observe.report_figures import NO_RADIO, OLD
+from swarmer.observe.report_figures import NO_RADIO, OLD, SILENCE
 from swarmer.observe.words import cells, count
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def rate_figure(data: RunData) -> Figure | Absent:
 def _rate_without_kinds(data: RunData, title: str) -> Figure | Absent:
     sent = data.grows("datagrams_sent")
     if sent is None:
-        return Absent(title, NO_RADIO)
+        return Absent(title, _why_no_radio(data))
     middles, growth = rates(data.t, sent)
     if not len(middles):
         return Absent(title, "there are too few samples")
@@ -136,6 +136,11 @@ def _rate_without_kinds(data: RunData, title: str) -> Figure | Absent:
     return Figure("rate", title, svg_of("rate", alt, draw), f"{alt}.", alt, titles, rows)
 
 
+def _why_no_radio(data: RunData) -> str:
+    sent = data.series("datagrams_sent")
+    return NO_RADIO if sent is None or sent[-1] > 0 else SILENCE
+
+
 def _kilobytes(axes, size: float) -> None:  # type: ignore[no-untyped-def]
     """The same in kilobytes, on the right."""
     axes.grid(axis="x", visible=False)
@@ -147,7 +152,7 @@ def kinds_figure(data: RunData) -> Figure | Absent:
     """Datagrams and bytes by kind, sent and delivered."""
     title, kinds = "Datagrams and bytes by kind", data.by_kind
     if not kinds:
-        return Absent(title, NO_RADIO)
+        return Absent(title, _why_no_radio(data))
     size = data.datagram_bytes
     names = [_plain(name) for name, *_ in kinds]
     sent, delivered = (np.array([one[i][-1] for one in kinds]) for i in (1, 2))

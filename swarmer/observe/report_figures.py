@@ -38,6 +38,7 @@ CSV_POINTS = 5000  # of a cloud that are written down in the page; all are in ti
 CYCLES_DRAWN = 60
 SHORT = 0.4  # of a run: a formation that took less is drawn once more, larger
 OLD = "this run was written by a version that did not keep it"
+SILENCE = "no datagram was sent"
 NO_RADIO = "this engine has no radio, or the run is of a version that did not keep it"
 WORK = (
     ("localizations", "localizations"), ("anchorings", "anchorings"), ("leases_granted", "leases granted"),
@@ -265,7 +266,7 @@ def work_figure(data: RunData) -> Figure | Absent:
         axes.set_ylabel("so far")
         over_time(axes, data.clock, 4)
 
-    alt = "At the end: " + ", ".join(f"{values[-1]:,.0f} {label}" for label, _, values in shown)
+    alt = "At the end: " + ", ".join(f"{label} {values[-1]:,.0f}" for label, _, values in shown)
     caption = "Totals of all FLSs, logarithmic. A lease expires if its localizer was not heard of in time."
     rows = columns_of(data.t, *(values for *_, values in shown))
     titles = [data.clock.column, *(name for _, name, _ in shown)]

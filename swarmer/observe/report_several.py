@@ -21,6 +21,7 @@ from swarmer.observe.report_drawing import (
     FAINT,
     LINES,
     Absent,
+    Clock,
     Figure,
     clock_of,
     columns_of,
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 
 # Settings in which runs of one group may differ: what chance does, and what the machine makes of it.
 NOT_GROUPING = {"seed", "recording.enabled", "recording.rate_hz", "radio.port"}
+REPEATING = ("virtual", "rounds")  # engines whose run is the same each time that it is made
 GRID = 240  # moments at which the runs of a group are compared
 CLOUDS_MAX = 4
 LABEL_MAX = 60  # characters of a group's name, which stands above every figure
@@ -57,8 +59,12 @@ class Group:
 
     @property
     def name(self) -> str:
-        """The label with the number of runs."""
-        return f"{self.label} ({len(self.runs)} seeds)" if len(self.runs) > 1 else self.label
+        """The label with the number of runs, and of seeds where some have the same."""
+        if len(self.runs) == 1:
+            return self.label
+        seeds = len({_seed(run) for run in self.runs})
+        same = "" if seeds == len(self.runs) else f"{len(self.runs)} runs, "
+        return f"{self.label} ({same}{seeds} seed{'s' * (seeds != 1)})"
 
 
 class Overlay(NamedTuple):
@@ -143,7 +149,7 @@ def several(runs: Sequence[SavedRun]) -> str:
         Part("summary", "All numbers of every run", _summaries(names, runs)),
         Part("run", "To run them again", report_words.commands(runs)),
     ]
-    above = report_page.missing_note(runs) + _mixed_note(runs)
+    above = report_page.missing_note(runs) + _mixed_note(runs, groups)
     return report_page.page(
         f"swarmer: {len(runs)} runs", f"{len(runs)} runs compared", verdict(groups), ", ".join(names), above, parts
     )  # fmt: skip
@@ -157,28 +163,64 @@ def verdict(groups: Sequence[Group]) -> str:
             "Some of these runs count rounds and some emulated seconds: compare how near they came, not when."
         )
     clock = clocks.pop()
+    found = {group.label: _nearest(group) for group in groups}
+    common = max((name for near in found.values() for name in list(near)[:1]), key=float, default="1")
     told = []
     for group in groups:
-        times = [reached_of(run.summary) for run in group.runs]
-        names = [name for name in dict.fromkeys(key for one in times for key in one) if name != "0.09"]
-        there = [name for name in names if sum(one.get(name) is not None for one in times) * 2 > len(times)]
-        if not there:
+        near = found[group.label]
+        if not near:
             told.append((np.inf, np.inf, f"{group.name}: HD not below 1 cell"))
             continue
-        name = min(there, key=float)
-        reached = [one.get(name) for one in times]
-        middle = intervals.median([intervals.NEVER if t is None else float(t) for t in reached]).estimate
-        few = sum(t is not None for t in reached)
-        of = f" in {few} of {len(times)}" if few < len(times) else ""
-        told.append(
-            (float(name), middle, f"{group.name}: HD below {name} {report_words.moment(middle, clock)}{of}")
-        )
+        least = min(near, key=float)
+        said = [_reached(near[name], len(group.runs), name, clock) for name in dict.fromkeys((common, least))]
+        told.append((float(least), _median(near[common]), f"{group.name}: HD {', '.join(said)}"))
     told.sort(key=lambda one: one[:2])
     how = " (medians)" if any(len(group.runs) > 1 for group in groups) else ""
     return "; ".join(words for *_, words in told) + how + "."
 
 
-def _mixed_note(runs: Sequence[SavedRun]) -> str:
+def _nearest(group: Group) -> dict[str, list[float | None]]:
+    """When each run came below each threshold that most of the group came below, the lowest first."""
+    times = [reached_of(run.summary) for run in group.runs]
+    names = {key for one in times for key in one if key != "0.09"}
+    reached = {name: [one.get(name) for one in times] for name in sorted(names, key=float)}
+    return {
+        name: all_of
+        for name, all_of in reached.items()
+        if sum(t is not None for t in all_of) * 2 > len(times)
+    }
+
+
+def _median(reached: Sequence[float | None]) -> float:
+    return intervals.median([intervals.NEVER if t is None else float(t) for t in reached]).estimate
+
+
+def _reached(reached: Sequence[float | None], runs: int, name: str, clock: Clock) -> str:
+    few = sum(t is not None for t in reached)
+    of = f" in {few} of {runs}" if few < runs else ""
+    return f"below {name} {report_words.moment(_median(reached), clock)}{of}"
+
+
+def _seed(run: SavedRun) -> Any:
+    return _settings(run).get("seed")
+
+
+def _repeated(groups: Sequence[Group]) -> list[str]:
+    """Runs of an engine that repeats itself, made twice from the same seed: they are one, and no spread."""
+    lines = []
+    for group in groups:
+        by_seed: dict[Any, list[SavedRun]] = {}
+        for run in group.runs:
+            if run.summary.get("engine") in REPEATING:
+                by_seed.setdefault(_seed(run), []).append(run)
+        for same in by_seed.values():
+            if len(same) > 1:
+                names = ", ".join(run.name for run in same)
+                lines.append(f"{names}: the same run more than once: its intervals are too narrow.")
+    return lines
+
+
+def _mixed_note(runs: Sequence[SavedRun], groups: Sequence[Group]) -> str:
     """What to beware of where the runs are of different kinds."""
     lines = []
     shapes = list(dict.fromkeys(run.shape for run in runs))
@@ -194,6 +236,7 @@ def _mixed_note(runs: Sequence[SavedRun]) -> str:
     unlike = [run.name for run in runs if run.summary.get("faithful") is False]
     if unlike:
         lines.append(f"Not faithful, so their times are partly the machine's: {', '.join(unlike)}.")
+    lines += _repeated(groups)
     return report_page.note("Before comparing:", lines) if lines else ""
 
 

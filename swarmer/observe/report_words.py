@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from swarmer.config import load_config, setting_facts
 from swarmer.errors import SwarmerError
-from swarmer.observe.report_drawing import ROUNDS, Clock, clock_of
+from swarmer.observe.report_drawing import ROUNDS, SECONDS, Clock, clock_of
 from swarmer.observe.report_page import Part, esc, scrolling, table
 from swarmer.observe.saved_run import SavedRun
 from swarmer.observe.words import cells, count
@@ -46,41 +46,96 @@ def verdict(run: SavedRun) -> str:
     summary, clock = run.summary, clock_of(run)
     if not summary:
         return "Nothing is left of this run that could be judged."
-    return f"{_ending(summary, clock)}{_shape(summary, clock)}{_trust(summary)}."
+    return f"{_ending(summary, clock)}{_shape(summary, clock)}{_next(summary)}{_failures(summary)}{_trust(summary)}."
+
+
+CUT = {
+    "failed": "failed at",
+    "interrupted": "was interrupted at",
+    UNFINISHED: "did not end, its last sample is of",
+}
 
 
 def _ending(summary: dict[str, Any], clock: Clock) -> str:
-    status, end = summary.get("status"), clock.say(length_of(summary))
     count_of = f"the {count(summary['points'])} FLSs" if summary.get("points") else "the FLSs"
-    if status == "failed":
-        return f"The run failed at {end}; by then {count_of} "
-    if status == "interrupted":
-        return f"The run was interrupted at {end}; by then {count_of} "
-    if status == UNFINISHED:
-        return f"The run did not end, its last sample is of {end}; by then {count_of} "
+    if (how := CUT.get(str(summary.get("status")))) is not None:
+        return f"The run {how} {clock.say(length_of(summary))}; by then {count_of} "
     return count_of[0].upper() + count_of[1:] + " "
 
 
 def _shape(summary: dict[str, Any], clock: Clock) -> str:
-    single = single_of(summary)
-    one = "became one swarm " + moment(single, clock) if single is not None else "never became one swarm"
-    reached = {name: t for name, t in reached_of(summary).items() if t is not None}
+    cut, single = str(summary.get("status")) in CUT, single_of(summary)
+    if single is None:
+        one, but = ("had not become one swarm" if cut else "never became one swarm"), ", yet"
+    else:
+        one, but = (
+            ("had " * cut) + ("become" if cut else "became") + f" one swarm {moment(single, clock)}",
+            " and",
+        )
     lowest = summary.get("hd_min_cells")
     if lowest is None:
-        return f"{one}, and were never all lit, so no distance from the shape counts"
+        unlit = "had not all been lit" if cut else "were never all lit"
+        return (
+            f"{one}{' but' if single is not None else ' and'} {unlit}, so no distance from the shape counts"
+        )
+    reached = {name: t for name, t in reached_of(summary).items() if t is not None}
     if not reached:
-        return f"{one} and did not form the shape: HD was never below 1 cell, {cells(lowest)} at best"
+        formed = "had not formed" if cut else "did not form"
+        joint = " but" if single is not None else " and"
+        return f"{one}{joint} {formed} the shape: HD was never below 1 cell, {cells(lowest)} at best"
     name = min(reached, key=float)
-    joined = f"{one} and" if single is not None else f"{one}, but"
-    return f"{joined} came within {name} cells of the shape {moment(reached[name], clock)}{_since(summary, name)}"
+    came = "had come" if cut else "came"
+    when = moment(reached[name], clock)
+    return f"{one}{but} {came} within {of_cells(name)} of the shape {when}{_since(summary, name)}"
 
 
-def _since(summary: dict[str, Any], name: str) -> str:
-    """What has become of it since."""
-    last = summary.get("hd_cells")
+def of_cells(threshold: str) -> str:
+    """A threshold of HD in words.
+
+    >>> of_cells("1"), of_cells("0.1")
+    ('1 cell', '0.1 cells')
+    """
+    return f"{threshold} cell{'' if threshold == '1' else 's'}"
+
+
+def _since(summary: dict[str, Any], name: str, changed: bool = False) -> str:
+    """What has become of it since. changed: the display has become its next shape, and this is said of that."""
+    if summary.get("next_time_to_hd_s") and not changed:
+        return ""
+    last, share = summary.get("hd_cells"), summary.get("lit_share")
+    points = summary.get("next_points" if changed else "points")
     if last is None:
         return ", but too few are lit at the end"
-    return f", but ended {cells(last)} cells away" if last > 10 * float(name) else ""
+    lit = (
+        f" with {share * points:.0f} of {count(points)} lit"
+        if share is not None and points and share < 1
+        else ""
+    )
+    return f", but ended {cells(last)} cells away{lit}" if last > 2 * float(name) else ""
+
+
+def _next(summary: dict[str, Any]) -> str:
+    """What became of the next shape, where there was to be one."""
+    shape, at_s, times = (summary.get(name) for name in ("next_shape", "next_at_s", "next_time_to_hd_s"))
+    if shape is None or at_s is None:
+        return ""
+    if not isinstance(times, dict):
+        return f"; {shape}, which it was to become at {at_s:.1f} s, never began"
+    reached = {name: t for name, t in times.items() if isinstance(t, (int, float)) and _is_number(name)}
+    if not reached:
+        return f"; {shape}, which it was to become from {at_s:.1f} s on, was not formed"
+    name = min(reached, key=float)
+    return (
+        f"; from {at_s:.1f} s on it became {shape}, within {of_cells(name)} {reached[name]:.1f} s later"
+        f"{_since(summary, name, changed=True)}"
+    )
+
+
+def _failures(summary: dict[str, Any]) -> str:
+    number = summary.get("failures")
+    if not number:
+        return ""
+    return f"; there were {count(number)} failures" if number != 1 else "; there was one failure"
 
 
 def _trust(summary: dict[str, Any]) -> str:
@@ -89,7 +144,10 @@ def _trust(summary: dict[str, Any]) -> str:
         return f"; {broken} broken invariant{'s' if broken != 1 else ''}: the protocol did what it must not"
     faithful = summary.get("faithful")
     if faithful is None:
-        return ""
+        unheard = summary.get("status") != UNFINISHED and summary.get("handled_late_ms", "") is None
+        return "; no message was handled, so nothing says whether to trust the times" if (
+            unheard and summary.get("engine") in ("process", "virtual")
+        ) else ""  # fmt: skip
     if faithful:
         return "; timers and messages were in time, so the run can be trusted"
     who = "the FLSs could not keep up" if summary.get("engine") == "virtual" else "this machine was too slow"
@@ -136,6 +194,15 @@ def _is_number(text: str) -> bool:
         return False
 
 
+def heading(run: SavedRun) -> str:
+    """The shape, or both of a run that changes it, and how many FLSs light it."""
+    summary = run.summary
+    shown = [(run.shape, summary.get("points")), (summary.get("next_shape"), summary.get("next_points"))]
+    return ", then ".join(
+        str(shape) if points is None else f"{shape}: {points:,.0f} FLSs" for shape, points in shown if shape
+    )
+
+
 def lead(run: SavedRun) -> str:
     """Engine, seed, how long, when."""
     summary, clock = run.summary, clock_of(run)
@@ -145,7 +212,9 @@ def lead(run: SavedRun) -> str:
         f"seed {summary.get('seed', '?')}",
     ]
     if (spent := length_of(summary)) is not None:
-        parts.append(f"{spent:.0f} rounds" if clock is ROUNDS else f"{spent:.1f} s emulated")
+        parts.append(
+            f"{spent:.0f} round{'s' * (spent != 1)}" if clock is ROUNDS else f"{spent:.1f} s emulated"
+        )
     if summary.get("wall_s") is not None:
         parts.append(f"took {summary['wall_s']:.1f} s")
     if run.manifest.get("started"):
@@ -167,7 +236,8 @@ def tiles(run: SavedRun) -> str:
         (cells(summary.get("hd_cells")), "HD at the end, cells", ""),
         (cells(summary.get("hd_absolute_cells")), "the same without translation", ""),
         (clock.say(reached.get(lowest)) if reached else "–", f"until HD < {lowest}", ""),
-        (clock.say(single_of(summary)), f"until one swarm ({_times(summary)})", ""),
+        *_next_tile(summary),
+        (clock.say(single_of(summary)), f"until one swarm{_times(summary)}", ""),
         (count(summary.get("thaws")), "thaws", ""),
         (cells(summary.get("distance_cells_mean")), "cells flown by an FLS, mean", ""),
         (count(summary.get("datagrams_sent")), "datagrams sent", ""),
@@ -184,7 +254,22 @@ def tiles(run: SavedRun) -> str:
 
 def _times(summary: dict[str, Any]) -> str:
     number = summary.get("single_swarm_count")
-    return "once" if number == 1 else f"{text_of(number)} times"
+    return "" if not number else " (once)" if number == 1 else f" ({text_of(number)} times)"
+
+
+def _next_tile(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
+    times = summary.get("next_time_to_hd_s")
+    if not isinstance(times, dict):
+        return []
+    reached = [name for name, t in times.items() if isinstance(t, (int, float))]
+    lowest = min(reached, key=float, default="1")
+    return [
+        (
+            SECONDS.say(times.get(lowest)),
+            f"from the change until HD < {lowest} of {summary.get('next_shape')}",
+            "",
+        )
+    ]
 
 
 def _fidelity_tiles(summary: dict[str, Any]) -> list[tuple[str, str, str]]:

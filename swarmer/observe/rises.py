@@ -50,7 +50,9 @@ def rises(timeline: SavedTimeline, most: int = MOST) -> tuple[list[Rise], int]:
     As HD itself, they count from the sample on by which every FLS had been lit (docs/reading-a-run.md).
     """
     hd = timeline.hd_cells
-    spans = sorted(_spans(hd, timeline.first_all_lit() or 0), key=lambda span: _factor(hd, span), reverse=True)
+    spans = sorted(
+        _spans(hd, timeline.first_all_lit() or 0), key=lambda span: _factor(hd, span), reverse=True
+    )
     return [_rise(timeline, *span) for span in spans[:most]], len(spans)
 
 

@@ -18,7 +18,7 @@ from swarmer.observe.kept_scenes import KeptScenes, Moment
 from swarmer.observe.moves import UNHEARD, Moves
 from swarmer.observe.report import write_report
 from swarmer.observe.rises import rises
-from swarmer.observe.saved_run import SavedTimeline
+from swarmer.observe.saved_run import SavedRun, SavedTimeline
 from swarmer.observe.saved_run import load as load_run
 from swarmer.observe.story import scenes
 from swarmer.observe.trace_file import TraceFile
@@ -233,7 +233,8 @@ def traced(tmp_path_factory):
 
 def part_of(run, report):
     """What a report under this name would say of why HD rose."""
-    return write_cause(load_run(run), report, lambda out: None).html
+    saved = run if isinstance(run, SavedRun) else load_run(run)
+    return write_cause(saved, report, lambda out: None).html
 
 
 def data_of(page):
@@ -335,3 +336,16 @@ def test_reading_ends_where_the_story_ends(traced, tmp_path):
     list(trace.records(frozenset([3]), to_s=0.4))
     last = [json.loads(line)["t"] for line in seen[-2:]]
     assert last[0] <= 0.4 < last[1] < 0.5
+
+
+def test_without_a_log_the_moments_are_still_told(tmp_path):
+    saved = timeline(apart(0, 0, 0, 0), apart(0, 0.4, 0, 0), apart(0, 0, 0, 0))
+    run = SavedRun(tmp_path, timeline=saved)
+    said = part_of(run, tmp_path / "report.html")
+    assert "HD rose once by more than 5%; most, in proportion:" in said
+    assert "<li>0.10 s: HD 0 to 0.300 cells, 3e+03 times as large. FLS 2 is 0.300 cells off.</li>" in said
+    assert "no event log" in said
+    run.summary["engine"] = "rounds"
+    assert "<li>round 0: HD" in part_of(run, tmp_path / "report.html")
+    run.timeline = timeline(apart(0, 0, 0, 0))
+    assert "HD never rose by more than 5%" in part_of(run, tmp_path / "report.html")

@@ -310,9 +310,57 @@ def test_a_run_of_rounds_is_told_in_rounds(finished_run, tmp_path):
 VERDICTS = [
     (
         {"status": "failed", "emulated_s": 3.0, "points": 5},
-        "The run failed at 3.0 s; by then the 5 FLSs never",
+        "The run failed at 3.0 s; by then the 5 FLSs had not become one swarm and had not all been lit",
     ),
     ({"status": "interrupted", "emulated_s": 3.0}, "interrupted at 3.0 s"),
+    (
+        {
+            "status": "interrupted",
+            "emulated_s": 9.0,
+            "hd_min_cells": 0.5,
+            "first_single_swarm_s": 2.0,
+            "time_to_hd_s": {"1": 3.0},
+        },
+        "had become one swarm after 2.0 s and had come within 1 cell of the shape after 3.0 s",
+    ),
+    (
+        {
+            "hd_min_cells": 0.5,
+            "hd_cells": 0.3,
+            "time_to_hd_s": {"0.1": 3.0},
+            "points": 60,
+            "lit_share": 0.9,
+            "failures": 82,
+        },
+        "never became one swarm, yet came within 0.1 cells of the shape after 3.0 s, but ended 0.300 cells away with "
+        "54 of 60 lit; there were 82 failures",
+    ),
+    ({"engine": "virtual", "handled_late_ms": None}, "no message was handled, so nothing says whether"),
+    (
+        {"next_shape": "hat", "next_at_s": 8.0, "next_time_to_hd_s": None},
+        "hat, which it was to become at 8.0 s, never",
+    ),
+    (
+        {
+            "next_shape": "hat",
+            "next_at_s": 8.0,
+            "next_time_to_hd_s": {"1": None},
+            "hd_min_cells": 0.01,
+            "hd_cells": 7.0,
+            "time_to_hd_s": {"0.1": 3.0},
+        },
+        "of the shape after 3.0 s; hat, which it was to become from 8.0 s on, was not formed",
+    ),
+    (
+        {
+            "next_shape": "hat",
+            "next_at_s": 8.0,
+            "next_time_to_hd_s": {"1": 2.0},
+            "hd_min_cells": 0.01,
+            "hd_cells": 7.0,
+        },
+        "from 8.0 s on it became hat, within 1 cell 2.0 s later, but ended 7.00 cells away",
+    ),
     ({"status": "done", "hd_min_cells": 3.21}, "HD was never below 1 cell, 3.21 at best"),
     ({"status": "done"}, "never all lit"),
     (
@@ -352,3 +400,13 @@ def test_settings_are_compared_with_the_preset_of_the_command():
 def test_every_figure_is_named_once():
     assert len(set(report.FIGURES)) == len(report.FIGURES) == 15
     assert SECONDS.column != ROUNDS.column
+
+
+def test_a_run_that_said_nothing_has_no_radio_to_blame(finished_run):
+    run = load(finished_run)
+    run.timeline.series = {"datagrams_sent": np.zeros(len(run.timeline.t_s))}
+    text = make_report([run])
+    assert "Datagrams and bytes by kind: no datagram was sent" in text
+    assert "Datagrams and bytes per second: no datagram was sent" in text
+    run.timeline.series = {}
+    assert "Datagrams and bytes per second: this engine has no radio" in make_report([run])

@@ -87,7 +87,9 @@ def test_a_run_of_two_shapes_has_the_points_of_both():
     assert values[:2, 3].tolist() == [[1] * 5, [1] * 4 + [0]]
     place = packed.low[:, None] + packed.step * values[:2, :3]
     np.testing.assert_allclose(place[1].T[:4], timeline.truth[:4] + 7.0, atol=packed.step)
-    facts = re.search(r'id="scene-facts">(.*?)</script>', scene_part(SavedRun(Path(), timeline=timeline)).html)
+    facts = re.search(
+        r'id="scene-facts">(.*?)</script>', scene_part(SavedRun(Path(), timeline=timeline)).html
+    )
     both = np.concatenate([timeline.truth, timeline.truth[:4] + 7.0])
     centre = (both.min(axis=0) + both.max(axis=0)) / 2
     np.testing.assert_allclose(json.loads(facts[1])["centre"], centre, err_msg="the view holds both")

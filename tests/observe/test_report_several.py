@@ -118,6 +118,31 @@ def test_the_verdict_names_the_groups_best_first(six):
     )
 
 
+def test_the_verdict_compares_at_one_threshold(six):
+    """Who came nearer came there later; where both came, the other was the first."""
+    runs = [load(path) for path in six]
+    for i, run in enumerate(runs):
+        run.summary["time_to_hd_s"] = {"1": 1.0, "0.1": 6.0, "0.01": 8.0} if i < 3 else {"1": 2.0, "0.1": 4.0}
+    assert verdict(groups_of(runs)[0]) == (
+        "lambda_ms 500 (3 seeds): HD below 0.1 after 6.0 s, below 0.01 after 8.0 s; "
+        "lambda_ms 200 (3 seeds): HD below 0.1 after 4.0 s (medians)."
+    )
+
+
+def test_a_run_counts_once(six, tmp_path, quick):
+    from swarmer.errors import BadInput
+
+    again = shutil.copytree(six[0], tmp_path / "again")
+    with pytest.raises(BadInput, match="named twice"):
+        write_report([six[0], six[1], six[0].parent / "." / six[0].name], tmp_path / "report.html")
+    runs = [load(path) for path in (*six[:2], again)]
+    assert [group.name for group in groups_of(runs)[0]] == ["all runs (3 runs, 2 seeds)"]
+    for engine, told in (("process", False), ("virtual", True)):
+        for run in runs:
+            run.summary["engine"] = engine
+        assert ("run-500-1, again: the same run more than once" in make_report(runs)) == told
+
+
 def test_shapes_and_engines_are_not_mixed_without_a_word(six, quick):
     runs = [load(path) for path in six[:2]]
     runs[1].summary["shape"] = runs[1].config["shape"] = "<b>hat</b>"

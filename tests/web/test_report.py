@@ -55,7 +55,8 @@ def test_the_view_in_space_holds_the_whole_shape(visit, report, width):
               let [left, right, top, bottom] = [width, 0, height, 0];
               for (let y = 0; y < height; y++) for (let x = 0; x < width; x++)
                 if (pixels[4 * (y * width + x) + 2] > 90) {
-                  left = Math.min(left, x); right = Math.max(right, x); top = Math.min(top, y); bottom = Math.max(bottom, y);
+                  left = Math.min(left, x); right = Math.max(right, x);
+                  top = Math.min(top, y); bottom = Math.max(bottom, y);
                 }
               return [left / width, 1 - right / width, top / height, 1 - bottom / height];
             }"""
