@@ -6,7 +6,9 @@ two. Everything else is imported once there is something to run.
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -195,6 +197,16 @@ def play(engine: Any, collector: Collector, begin: Callable[[], None]) -> RunRes
     return result
 
 
+def _say(text: str) -> None:
+    """On stdout; the terminal may have been closed, and how the run ended stays its exit status."""
+    try:
+        click.echo(text)
+    except OSError as error:
+        if error.errno != errno.EIO:
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the flush at the end is quiet, too
+
+
 def close(summary: dict[str, Any], path: Path, as_json: bool, collector: Collector) -> int:
     """The last words, and the exit status."""
     from swarmer.observe.closing import closing_lines
@@ -206,10 +218,7 @@ def close(summary: dict[str, Any], path: Path, as_json: bool, collector: Collect
         click.echo(line, err=True)
     for line in closing_lines(summary, path, program, columns_of(sys.stderr)):
         click.echo(line, err=True)
-    if as_json:
-        click.echo(json.dumps(summary, allow_nan=False))
-    else:
-        click.echo(str(path))
+    _say(json.dumps(summary, allow_nan=False) if as_json else str(path))
     if collector.failure is not None:
         raise collector.failure
     return {"done": 0, "interrupted": INTERRUPTED}.get(str(summary.get("status")), 1)

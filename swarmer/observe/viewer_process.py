@@ -24,11 +24,11 @@ def start(command: list[str], quiet: bool = True) -> subprocess.Popen[bytes]:
     """
     files = subprocess.DEVNULL if quiet else None
     return subprocess.Popen(
-        command, stdin=files, stdout=files, stderr=files, env=quiet_environment(), preexec_fn=_die_with_parent
+        command, stdin=files, stdout=files, stderr=files, env=quiet_environment(), preexec_fn=die_with_parent
     )
 
 
-def _die_with_parent() -> None:
+def die_with_parent() -> None:
     """In the child, before it becomes the program."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)

@@ -8,17 +8,20 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import fcntl
 import gzip
 import json
 import os
 import re
 import resource
 import signal
+import socket
 import subprocess
 import sys
+import termios
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
@@ -48,7 +51,13 @@ CALLS = (
     "os.pipe2",
     "subprocess._fork_exec",
 )
-WAYS = (*SIGNALS, "dispatcher_killed", "call_fails", "disk_full", "no_shared_memory", "few_files")
+# Ends with a signal that nobody sends: the kernel does as a terminal goes.
+ENDED_BY = SIGNALS | {"terminal_closed": [signal.SIGHUP]}
+# What a run must survive, however late or early it comes.
+SURVIVED = ("viewer_killed", "second_run")
+WAYS = (
+    *ENDED_BY, *SURVIVED, "dispatcher_killed", "call_fails", "disk_full", "no_shared_memory", "few_files",
+)  # fmt: skip
 
 
 # What has come about when a moment is counted from there, so that a busy machine has the same moments; and how many
@@ -89,6 +98,10 @@ def draw(seed: int) -> Case:
         return case._replace(call=f"{call} {which} {rng.choice(('EAGAIN', 'ENOMEM', 'EMFILE'))}")
     if way == "dispatcher_killed":
         return case._replace(stage=rng.choice(("planned", "flying")))
+    if way == "viewer_killed":  # the moment counts from where there is one
+        return case._replace(stage="directory", moment_s=rng.uniform(0.0, 2.0))
+    if way == "second_run":
+        return case._replace(stage="flying", moment_s=rng.uniform(0.0, 1.0), limit=free_port())
     if way == "disk_full":
         return case._replace(limit=rng.randint(20, 60) * KB)
     if way == "no_shared_memory":
@@ -99,23 +112,50 @@ def draw(seed: int) -> Case:
 def play(case: Case, room: Path) -> str | None:
     """Make the run in `room`; what is wrong, or None."""
     out, mark = room / f"run-{case.seed}", uuid.uuid4().hex
-    with _start(case, out, mark) as process:
-        segments = _end(case, process, out, mark)
+    terminal = Terminal() if case.way == "terminal_closed" else None
+    with _start(case, out, mark, terminal) as process:
+        segments = _end(case, process, out, mark, terminal)
         try:
-            _, err = process.communicate(timeout=PATIENCE_S)
+            err = process.communicate(timeout=PATIENCE_S)[1] or ""
         except subprocess.TimeoutExpired:
             process.kill()
-            _, err = process.communicate()
+            err = process.communicate()[1] or ""
             return f"still runs {PATIENCE_S:g} s after that: {err[-300:]}"
     wrong = _left_over(mark, segments, out) or _status(case, process.returncode, err, out) or _files(out)
     return None if wrong is None else f"{wrong} [exit {process.returncode}; stderr: {err.strip()[-600:]}]"
 
 
-def _start(case: Case, out: Path, mark: str) -> subprocess.Popen[str]:
+class Terminal:
+    """One of which somebody reads, until it is closed."""
+
+    def __init__(self) -> None:
+        self.master, self.slave = os.openpty()
+        os.set_blocking(self.master, False)
+
+    def read(self) -> None:
+        with contextlib.suppress(OSError):
+            while os.read(self.master, 65536):
+                pass
+
+    def close(self) -> None:
+        os.close(self.master)
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        return int(taken.getsockname()[1])
+
+
+def _start(case: Case, out: Path, mark: str, terminal: Terminal | None = None) -> subprocess.Popen[str]:
     arguments = [
         "--shape", "random", "--points", str(POINTS), "--duration", str(DURATION_S), "--engine", case.engine,
         "--out", str(out), *(["--set", "recording.rate_hz=60"] if case.way == "disk_full" else ["--no-recording"]),
     ]  # fmt: skip
+    if case.way == "viewer_killed":
+        arguments.append("--live=web")
+    if case.way == "second_run":
+        arguments += ["--set", f"radio.port={case.limit}"]
     if case.engine == "virtual":  # as long as a moment may be late
         arguments += ["--duration", "20000", "--set", "lambda_ms=50"]
     environment = {**os.environ, MARK: mark}
@@ -126,18 +166,26 @@ def _start(case: Case, out: Path, mark: str) -> subprocess.Popen[str]:
     def before() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)  # as a terminal has it
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
+        if terminal is not None:
+            fcntl.ioctl(0, termios.TIOCSCTTY, 0)
         if case.way == "few_files":
             resource.setrlimit(resource.RLIMIT_NOFILE, (case.limit, case.limit))
-        elif case.limit:
+        elif case.limit and case.way != "second_run":
             resource.setrlimit(resource.RLIMIT_FSIZE, (case.limit, case.limit))
 
-    return subprocess.Popen(
-        [sys.executable, "-c", RUN, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env=environment, preexec_fn=before,
+    ends = subprocess.PIPE if terminal is None else terminal.slave
+    process = subprocess.Popen(
+        [sys.executable, "-c", RUN, *arguments], stdin=None if terminal is None else ends, stdout=ends, stderr=ends,
+        text=True, env=environment, preexec_fn=before, start_new_session=terminal is not None,
     )  # fmt: skip
+    if terminal is not None:
+        os.close(terminal.slave)
+    return process
 
 
-def _reached(case: Case, out: Path, mark: str) -> bool:
+def _reached(case: Case, process: subprocess.Popen[str], out: Path, mark: str) -> bool:
+    if case.way == "viewer_killed":
+        return any(not _is_dispatcher(pid) for pid in _children(process.pid, mark))
     if case.stage == "directory":
         return out.exists()
     if case.stage == "planned" or (case.stage == "flying" and case.engine == "virtual"):
@@ -145,22 +193,53 @@ def _reached(case: Case, out: Path, mark: str) -> bool:
     return case.stage == "started" or (out.exists() and len(processes(mark)) >= POINTS + 2)
 
 
-def _end(case: Case, process: subprocess.Popen[str], out: Path, mark: str) -> set[str]:
+def _end(
+    case: Case, process: subprocess.Popen[str], out: Path, mark: str, terminal: Terminal | None
+) -> set[str]:
     """Do to it from outside what the case has. Gives the names of the shared memory that its processes have."""
-    if case.way in SIGNALS or case.way == "dispatcher_killed":
-        while process.poll() is None and not _reached(case, out, mark):
-            time.sleep(0.005)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(case.moment_s)
+    if case.way in ENDED_BY or case.way in SURVIVED or case.way == "dispatcher_killed":
+        while process.poll() is None and not _reached(case, process, out, mark):
+            _pause(terminal)
+        until = time.monotonic() + case.moment_s
+        while process.poll() is None and time.monotonic() < until:
+            _pause(terminal)
     segments = {name for pid in processes(mark) for name in segments_of(pid)}
     for number in SIGNALS.get(case.way, ()):
         process.send_signal(number)
         time.sleep(0.05)
-    if case.way == "dispatcher_killed":
-        for pid in processes(mark):
-            if b"swarmer.engines.dispatcher" in _read(pid, "cmdline") and _parent(pid) == process.pid:
-                os.kill(pid, signal.SIGKILL)
+    if terminal is not None:
+        terminal.close()
+    elif case.way == "dispatcher_killed":
+        _kill(pid for pid in _children(process.pid, mark) if _is_dispatcher(pid))
+    elif case.way == "viewer_killed":
+        _kill(pid for pid in _children(process.pid, mark) if not _is_dispatcher(pid))
+    elif case.way == "second_run":
+        second = out.with_name("second")
+        with _start(case, second, mark) as other:
+            err = other.communicate(timeout=PATIENCE_S)[1]
+        told = other.returncode == 2 and err.count("\n") == 1 and not second.exists()
+        assert other.returncode == 0 or told, f"the second run: exit {other.returncode}: {err}"
     return segments
+
+
+def _pause(terminal: Terminal | None) -> None:
+    if terminal is not None:
+        terminal.read()
+    time.sleep(0.005)
+
+
+def _children(parent: int, mark: str) -> list[int]:
+    return [pid for pid in processes(mark) if _parent(pid) == parent]
+
+
+def _is_dispatcher(pid: int) -> bool:
+    return b"swarmer.engines.dispatcher" in _read(pid, "cmdline")
+
+
+def _kill(pids: Iterable[int]) -> None:
+    for pid in pids:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
 
 
 # -- what is left ----------------------------------------------------------------------------------------------------
@@ -187,11 +266,17 @@ def _left_over(mark: str, segments: set[str], out: Path) -> str | None:
 
 def _status(case: Case, code: int, err: str, out: Path) -> str | None:
     """Does the run say how it ended?"""
+    if case.way in SIGNALS and not out.exists() and "Traceback" in err and "swarmer" not in err:
+        return None  # Python itself was still being started
     if "Traceback" in err:
         return "a traceback for the user"
     summary = json.loads((out / "summary.json").read_text()) if (out / "summary.json").exists() else None
     status = summary and summary["status"]
-    numbers = SIGNALS.get(case.way)
+    if case.way in SURVIVED:
+        if code != 0 or status != "done":
+            return f"it should have gone on: {status}"
+        return "it heard the other run" if summary["rejected"] else None
+    numbers = ENDED_BY.get(case.way)
     if numbers is None:
         may = {0: "done", 1: "failed", 2: None}
         if code not in may:
