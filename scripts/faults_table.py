@@ -10,6 +10,7 @@ python scripts/faults_table.py partition runs/partition              when the pa
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -82,11 +83,20 @@ def table(titles: list[str], lines: list[list[str]]) -> str:
 
 def last_hd(rows: list[Row]) -> Interval:
     """The median of the HD at the end, cells."""
-    return median([float(row["hd_cells"]) if row["hd_cells"] else NEVER for row in rows])
+    return median([_number(row["hd_cells"]) for row in rows])
+
+
+def mean_hd(rows: list[Row]) -> Interval:
+    """The geometric mean of the HD at the end, cells: few runs have an interval of that, and it spans decades."""
+    logs = [math.log(_number(row["hd_cells"])) for row in rows]
+    found = mean(logs)
+    return found._replace(
+        estimate=math.exp(found.estimate), low=math.exp(found.low), high=math.exp(found.high)
+    )
 
 
 def loss_map(cells: Cells) -> str:
-    """A row for each loss, a column for each λ: the median HD at the end with its 95 % interval."""
+    """A row for each loss, a column for each λ: the mean HD at the end with its 95 % interval."""
     found = {(row[0][LOSS], row[0][LAMBDA]): row for row in cells.values()}
     losses = sorted({loss for loss, _ in found}, key=float)
     lambdas = sorted({ms for _, ms in found}, key=float)
@@ -97,20 +107,20 @@ def loss_map(cells: Cells) -> str:
 
 
 def _shown(rows: list[Row] | None) -> str:
-    return "–" if not rows else bounded(last_hd(rows), lambda hd: f"{hd:.2g}")
+    return "–" if not rows else bounded(mean_hd(rows), lambda hd: f"{hd:.2g}")
 
 
 def draw_map(cells: Cells, sweep: Path, path: Path) -> None:
-    """The map as a picture: colour is the logarithm of the median HD."""
+    """The map as a picture: colour is the logarithm of the mean HD."""
     losses = sorted({float(rows[0][LOSS]) for rows in cells.values()})
     lambdas = sorted({float(rows[0][LAMBDA]) for rows in cells.values()})
     hd = np.full((len(losses), len(lambdas)), np.nan)
     for rows in cells.values():
         at = losses.index(float(rows[0][LOSS])), lambdas.index(float(rows[0][LAMBDA]))
-        value = last_hd(rows).estimate
+        value = mean_hd(rows).estimate
         hd[at] = value if value < NEVER else np.nan
     names = [f"{100 * loss:g} %" for loss in losses]
-    title = "HD at the end, cells (median): loss at the sender and again at the receiver, over λ"
+    title = "HD at the end, cells (mean): loss at the sender and again at the receiver, over λ"
     path.write_text(heat_map(hd, names, [f"λ {ms:g} ms" for ms in lambdas], title), "utf-8")
 
 

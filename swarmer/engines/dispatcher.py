@@ -225,8 +225,9 @@ class Dispatcher:
             return
         kind = "failed" if failed else "departed" if code == DEPARTED_EXIT else "died"
         self._tell(kind, fid=fid, code=code, t_s=self.clock.now())
-        if (self.replace and fid not in self.hand.dark) or self.hand.calm:
-            self._replace(fid, charges=kind == "departed" and self.batteries)
+        charges = kind == "departed" and self.batteries  # that is no failure: it comes back
+        if charges or (self.replace and fid not in self.hand.dark) or self.hand.calm:
+            self._replace(fid, charges)
 
     def _replace(self, fid: int, charges: bool = False) -> bool:
         """Launch the successor of an FLS that has gone dark, if its point is still there; False if that cannot be."""

@@ -96,7 +96,8 @@ class _Run:
             array("Q", bytes(16 * (plan.size + 1))), faults,
         )  # fmt: skip
         self.witnesses = witnesses
-        self.weather = Weather(self, faults, plan.config.failure.hang_s) if faults != NO_FAULTS else None
+        failing = plan.config.failure
+        self.weather = Weather(self, faults, failing.hang_s, failing.replace) if faults != NO_FAULTS else None
         self.flss: list[VirtualFls] = []  # row i is FID i + 1, also when it has failed
         self.thaws, self.begun = ThawWatch(plan.rules), ThawTally(plan.rules)
         if plan.rules.thaw_policy == "centralized":
@@ -251,8 +252,10 @@ class _Run:
         why = why_it_left(self.plan.rules, fid, now)
         kind, text = ("failure", "went dark") if how == FAILED else ("departure", why)
         self.observer.event(Event(now, kind, fid, text))
-        if self.config.failure.replace and not (self.weather is not None and fid in self.weather.dark):
-            self.replace(fid, charges=how == DEPARTED and self.batteries)
+        charges, weather = how == DEPARTED and self.batteries, self.weather
+        replaced = self.config.failure.replace if weather is None else weather.replaces(fid)
+        if charges or replaced:  # who charges is no failure, and comes back
+            self.replace(fid, charges)
 
     def replace(self, fid: int, charges: bool = False) -> None:
         """Launch the successor of an FLS that has gone dark. charges: it is relieved, or comes back (rule 13)."""

@@ -45,14 +45,17 @@ class NoLife(NamedTuple):
 class Weather:
     """The faults of one run: which hold now, and what begins and ends when."""
 
-    def __init__(self, run: Sky, schedule: Schedule, hang_s: float = 0.0) -> None:
-        """hang_s: after so many emulated seconds without a sign of life the dispatcher ends an FLS; 0: never."""
+    def __init__(self, run: Sky, schedule: Schedule, hang_s: float = 0.0, replace: bool = True) -> None:
+        """hang_s: after so many emulated seconds without a sign of life the dispatcher ends an FLS; 0: never.
+
+        replace: it launches a replacement for who has failed; from the calm on it does in any case.
+        """
         self.dark: set[int] = set()  # FIDs that nothing but the schedule may replace
         self.calm = False
         self._run, self._schedule = run, schedule
         self._hung: dict[int, float] = {}  # FID -> until when
         self._slow: dict[int, list[float]] = {}  # FID -> how late, of each fault that holds
-        self._hang_s = hang_s
+        self._hang_s, self._replaces = hang_s, replace
         self._struck: dict[Fault, tuple[int, ...]] = {}  # whom a fault struck that names a swarm
 
     def begin(self) -> None:
@@ -139,6 +142,10 @@ class Weather:
                 calm_down(fls)
             else:
                 self._run.replace(fls.fid)
+
+    def replaces(self, fid: int) -> bool:
+        """Whether an FLS that has just gone dark gets a successor at once."""
+        return self.calm or (self._replaces and fid not in self.dark)
 
     # -- what an FLS asks ----------------------------------------------------------------------------------------
 

@@ -43,8 +43,9 @@ def test_more_standbys_more_light():
     )
 
 
-def test_who_leaves_comes_back_charged():
-    result, watcher = fly(**{"battery.stagger": False, "duration_s": 13})
+@pytest.mark.parametrize("replace", [True, False], ids=["", "failures are not replaced"])
+def test_who_leaves_comes_back_charged(replace):
+    result, watcher = fly(**{"battery.stagger": False, "duration_s": 13, "failure.replace": replace})
     left = [event.t_s for event in watcher.events if event.kind == "departure"]
     assert result.counters["departures"] == result.counters["replacements"] == 20
     assert min(left) == pytest.approx(0.8 * 12, abs=1.5), "all at about the same time, with the reserve left"
