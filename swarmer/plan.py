@@ -188,6 +188,10 @@ def check_references(config: RunConfig, technique: str, count: int, dim: int) ->
 
     with refusing():
         needed = references_of(make_technique(technique), dim)
+    if config.engine == "rounds" and config.oracle.count and needed != 1:
+        raise BadInput(
+            "oracle.count", config.oracle.count, f"0, for technique {config.technique} has no swarms"
+        )
     if needed < 2:
         return
     if config.engine != "rounds":
