@@ -148,16 +148,20 @@ EMULATOR: list[Claim | Order] = [
       )),
     *(Claim("32", "fig32_failures_chess", {"failure.rate": rate}, "hd_least", "least HD", "falls again", (0, 0.5))
       for rate in ("0.0001", "0.001")),
-    Claim("33", "fig33_failures_skateboard", {"failure.rate": "0.0001"}, "hd_least", "least HD", "falls again", (0, 0.5)),
+    Claim("33", "fig33_failures_skateboard", {"failure.rate": "0.0001"}, "hd_least", "least HD",
+          "falls again", (0, 0.5)),
     Order("33", "fig33_failures_skateboard", {}, {"failure.rate": "0.0001"}, {"failure.rate": "0.1"}, "hd_median",
           "median HD over time grows with the failures"),
     Order("Table 2", "table2_metrics", {}, SELDOM, OFTEN, "bytes", "bytes sent: more at λ 50 than at λ 1000"),
-    Order("Table 2", "table2_metrics", {}, SELDOM, OFTEN, "localizations", "localizations: more at λ 50 than at λ 1000"),
-    *(Claim("Table 2", "table2_metrics", where, "distance", "cells flown by an FLS, deployment included", value, quarter(value))
+    Order("Table 2", "table2_metrics", {}, SELDOM, OFTEN, "localizations",
+          "localizations: more at λ 50 than at λ 1000"),
+    *(Claim("Table 2", "table2_metrics", where, "distance", "cells flown by an FLS, deployment included", value,
+            quarter(value))
       for where, value in ((OFTEN, 70.4), (SELDOM, 75.2))),
     *(Claim("Table 2", "table2_metrics", where, "thaws_per_localization", "thaws of FLSs for each localization",
             value, quarter(value), THAWS) for where, value in ((OFTEN, 36.0), (SELDOM, 31.5))),
-    *(Claim("Table 2", "table2_metrics", where, "leases_expired", "leases that expire, %", value, quarter(value), LEASES)
+    *(Claim("Table 2", "table2_metrics", where, "leases_expired", "leases that expire, %", value,
+            quarter(value), LEASES)
       for where, value in ((OFTEN, 11.03), (SELDOM, 5.16))),
     *(Claim("6", "speed", {"flight.speed_m_s": v}, "to_0.1", "seconds to HD < 0.1", "as at any speed", (0, 60))
       for v in ("3", "10")),
@@ -175,12 +179,8 @@ QUICK: dict[str, tuple[str, dict[str, tuple[str, ...]], tuple[str, ...]]] = {
     "fig25_yardsticks_94": ("6", {}, ()),
     "fig26_yardsticks_1008": ("3", {}, ()),
     "fig27_lambda_chess": ("2", {"lambda_ms": ("50", "200", "500", "1500")}, ()),
-    "fig28_lambda_skateboard": (
-        "1", {"lambda_ms": ("50", "500", "1500")}, ("points=200", "duration_s=60")
-    ),
-    "fig33_failures_skateboard": (
-        "2", {"failure.rate": ("0.0001", "0.1")}, ("points=200", "duration_s=40")
-    ),
+    "fig28_lambda_skateboard": ("1", {"lambda_ms": ("50", "500", "1500")}, ("points=200", "duration_s=60")),
+    "fig33_failures_skateboard": ("2", {"failure.rate": ("0.0001", "0.1")}, ("points=200", "duration_s=40")),
     "table2_metrics": ("1", {"lambda_ms": ("50", "200", "1000")}, ("points=100", "duration_s=10")),
     "anchors": ("6", {"rounds.anchor": ("largest", "smallest")}, ()),
     "scale_million": ("1", {}, ("points=50000",)),

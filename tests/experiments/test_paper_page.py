@@ -39,7 +39,11 @@ def test_every_figure_of_the_paper_is_on_the_page_and_what_was_reduced_beside_it
     assert {claim.figure for claim in CLAIMS} == {*FIGURES.split(), "Table 1", "Table 2", "beyond 20"}
     page = paper_page.page(Path("nowhere"))
     of_the_paper = {name for name in experiment_names() if name.startswith(("fig", "table"))}
-    assert of_the_paper | {"anchors", "speed", "scale_million"} == set(QUICK) == {one.experiment for one in CLAIMS}
+    assert (
+        of_the_paper | {"anchors", "speed", "scale_million"}
+        == set(QUICK)
+        == {one.experiment for one in CLAIMS}
+    )
     assert set(TEXT) <= set(QUICK) <= set(experiment_names())
     for name, (seeds, _, overrides) in QUICK.items():
         [row] = [line for line in page.splitlines() if line.startswith(f"| `{name}` | {seeds} |")]
