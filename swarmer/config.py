@@ -331,9 +331,8 @@ def contradictions(config: RunConfig) -> list[str]:
 def _transition(config: RunConfig) -> str:
     """What is wrong with the change of shape, or with oracles, if anything."""
     then = config.transition
-    if config.engine == "rounds" and (then.shape is not None or config.oracle.count):
-        name = "oracle.count" if then.shape is None else "transition.shape"
-        return f"{name}: {_at(config, name)} is not for the engine rounds; process or virtual"
+    if config.engine == "rounds" and then.shape is not None:
+        return f"transition.shape: {_at(config, 'transition.shape')} is not for the engine rounds; process or virtual"
     if then.shape is None:
         given = [name for name in ("at_s", "points") if getattr(then, name) is not None]
         return (

@@ -20,7 +20,7 @@ from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Message, Stamp, Swarm, 
 from swarmer.physics.dead_reckoning import MODELS as DEAD_RECKONING
 from swarmer.physics.flight import Flight, plan_flight, position_at, way
 from swarmer.physics.sensor_faults import sensed
-from swarmer.plan import Rules, make_machine, make_sensor, make_velocity
+from swarmer.plan import make_machine, make_sensor, make_velocity
 from swarmer.protocol import race
 from swarmer.protocol.events import (
     Action,
@@ -44,6 +44,7 @@ from swarmer.protocol.events import (
 from swarmer.protocol.records import Counters
 from swarmer.radio import Ears, ReplayWindow, heard
 from swarmer.radio_faults import Ends
+from swarmer.rules import Rules
 from swarmer.state_machine import Identity, State
 from swarmer.streams import stream
 from swarmer.telemetry import DELIVERED_BY_KIND, REFUSED, SENT_BY_KIND, Wire
@@ -130,10 +131,9 @@ class BaseFls(ABC):
         shared = self.rules.deploy_shared_error and self.spec.incarnation == 0
         self._flight_rng = stream(self._seed, "flight") if shared else self.own_stream("flight")
         self._machine_rng = stream(self._seed, "machine") if shared else self.own_stream("machine")
-        self._sensor_rng = self.own_stream("sensor")
-        self._sensor_faults_rng = (
-            self.own_stream("sensor faults") if self._sensor_faults else self._sensor_rng
-        )
+        own = self.own_stream
+        self._sensor_rng = own("sensor")
+        self._sensor_faults_rng = own("sensor faults") if self._sensor_faults else self._sensor_rng
 
     def own_stream(self, purpose: str) -> Random:
         """What this FLS draws from for one purpose."""

@@ -30,11 +30,11 @@ from swarmer.messages import (
     encode,
 )
 from swarmer.physics.flight import Flight
-from swarmer.plan import Rules
 from swarmer.protocol.events import Action, ThawBegins
 from swarmer.protocol.race import PRIORITY
 from swarmer.protocol.records import Counters
 from swarmer.radio import Grid
+from swarmer.rules import Rules
 from swarmer.state_machine import State
 from swarmer.telemetry import (
     NEVER_LOCALIZED,

@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass, replace
 from importlib import import_module
 from random import Random
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from swarmer.entry_points import OURS, SENSOR_ERRORS, THAW_POLICIES, installed
+from swarmer.entry_points import installed
 from swarmer.errors import BadInput
 from swarmer.faults import NO_FAULTS, Schedule
 from swarmer.fls_spec import NextSpec
@@ -29,72 +29,13 @@ from swarmer.protocol.corner import Corner
 from swarmer.protocol.records import Counters, NextPoint, shape_of
 from swarmer.protocol.roster import Roster
 from swarmer.protocol.thaw import Never, ThawPolicy, Timer
-from swarmer.radio import EndRules
+from swarmer.rules import Rules, make_rules
 from swarmer.state_machine import Identity, MachineSettings, StateMachine
 
 if TYPE_CHECKING:
     from swarmer.config import RunConfig
     from swarmer.shapes.cloud import PointCloud
     from swarmer.shapes.neighbours import NeighbourPlan
-
-
-class Rules(NamedTuple):
-    """Every rule of a run as plain data: seconds, cells, radians, names. What an FLS is made from, wherever it runs."""
-
-    count: int  # type: ignore[assignment]  # F; hides tuple.count, which nobody needs
-    dim: int
-    lambda_s: float
-    epsilon: float
-    lease_s: float
-    lease_margin_s: float
-    m: float | None  # None: no limit
-    waiting_bound_s: float
-    waiting_ends_at_tick: bool
-    flight_threshold: float
-    range_start: float | None  # None: each FLS's farthest planned neighbour
-    range_step: float
-    range_max: float
-    range_estimated: bool
-    challenge_policy: str
-    challenge_decay: float
-    challenge_on_available: bool
-    probe_every: int
-    accept_gap_s: float
-    neighbour_reply: bool
-    busy_join: str
-    epochs: bool
-    anchor: str
-    technique: str  # "module:class"
-    thaw_policy: str  # one of ours, or "module:class"
-    thaw_h_s: float
-    thaw_spread: float
-    thaw_repeat: float
-    thaw_rest: float  # cells
-    thaw_corners: tuple[int, ...]  # FIDs, for the policy that has any
-    dead_reckoning: str
-    velocity: tuple[float, float, float]
-    sensing_model: str  # one of ours, or "module:function"
-    sensing_error: float
-    sensing_accurate: float
-    sensing_samples: int
-    sensing_average: str
-    sensing_sample_s: float
-    sender: tuple[float, ...]  # radio.EndRules
-    receiver: tuple[float, ...]
-    deploy_random: bool
-    deploy_shared_error: bool
-    launch_rate: float  # FLSs per second and dispatcher; 0: all at once
-    failure_rate: float
-    battery_s: float
-    battery: tuple[float, ...]  # flying and light time, seconds; reserve, a share; 1: staggered
-    charge_s: float
-    dead_links: float
-    change_s: float | None  # when the display becomes its next shape; None: never
-    counts: tuple[int, ...]  # FLSs of each shape
-    next_thaw_h_s: float
-    next_corners: tuple[int, ...]
-    leavers: tuple[int, ...]  # FIDs that have no point in the next shape
-    oracles: tuple[int, ...]  # FIDs that know where they are
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,6 +129,10 @@ def check_references(config: RunConfig, technique: str, count: int, dim: int) ->
 
     with refusing():
         needed = references_of(make_technique(technique), dim)
+    if config.engine == "rounds" and config.oracle.count and needed != 1:
+        raise BadInput(
+            "oracle.count", config.oracle.count, f"0, for technique {config.technique} has no swarms"
+        )
     if needed < 2:
         return
     if config.engine != "rounds":
@@ -214,12 +159,6 @@ def find_technique(name: str) -> str:
     raise BadInput("technique", name, f"{hint} {', '.join(sorted(known)) or 'none: is swarmer installed?'}")
 
 
-def place_or_name(group: str, name: str) -> str:
-    """Where a plugin is, as "module:attribute"; what is ours is known by its name."""
-    plugin = installed(group).get(name) if name not in OURS[group] else None
-    return name if plugin is None else plugin.place
-
-
 def try_plugins(rules: Rules) -> None:
     """Ask the plugins of other packages for something before a run begins. Raises BadInput."""
     technique, sensing, thaws = outside_places(rules)
@@ -239,74 +178,6 @@ def outside_places(rules: Rules) -> tuple[str, str, str]:
     technique = "" if rules.technique.startswith("swarmer.") else rules.technique
     others = (name if ":" in name else "" for name in (rules.sensing_model, rules.thaw_policy))
     return (technique, *others)  # type: ignore[return-value]
-
-
-def make_rules(config: RunConfig, count: int, dim: int, diagonal: float, technique: str) -> Rules:
-    """The settings as plain data, in seconds, cells and radians."""
-    c, radio = config, config.radio
-    cell = c.flight.cell_m
-    return Rules(
-        count=count,
-        dim=dim,
-        lambda_s=c.lambda_ms / 1e3,
-        epsilon=math.radians(c.epsilon_deg),
-        lease_s=c.lease_ms / 1e3,
-        lease_margin_s=c.lease_margin_ms / 1e3,
-        m=None if math.isinf(c.merge_limit) else c.merge_limit,
-        waiting_bound_s=c.waiting_bound / 1e3,
-        waiting_ends_at_tick=c.waiting_ends == "tick",
-        flight_threshold=c.flight_threshold_cells,
-        range_start=c.range.start_cells,
-        range_step=c.range.step_cells,
-        range_max=diagonal if c.range.max_cells is None else c.range.max_cells,
-        range_estimated=c.range.measured == "estimated",
-        challenge_policy=c.challenge_policy,
-        challenge_decay=c.challenge_decay,
-        challenge_on_available=c.challenge_on_available,
-        probe_every=c.probe_every,
-        accept_gap_s=c.accept_gap_ms / 1e3,
-        neighbour_reply=c.neighbour_reply,
-        busy_join=c.busy_join,
-        epochs=c.epochs,
-        anchor=c.anchor,
-        technique=technique,
-        thaw_policy=place_or_name(THAW_POLICIES, c.thaw.policy),
-        thaw_h_s=c.thaw_h_s(count),
-        thaw_spread=c.thaw.spread,
-        thaw_repeat=c.thaw.repeat,
-        thaw_rest=c.rest_below_cells,
-        thaw_corners=(),
-        dead_reckoning=c.flight.dead_reckoning,
-        velocity=(c.flight.speed_m_s / cell, c.flight.acceleration_m_s2 / cell, c.flight.braking_m_s2 / cell),
-        sensing_model=place_or_name(SENSOR_ERRORS, c.sensing.model),
-        sensing_error=c.sensing.error_percent / 100,
-        sensing_accurate=c.sensing.accurate_probability,
-        sensing_samples=c.sensing.samples,
-        sensing_average=c.sensing.average,
-        sensing_sample_s=c.sensing.sample_ms / 1e3,
-        sender=EndRules(
-            radio.sender_loss, radio.sender_duplicate, radio.sender_reorder, radio.reorder_ms / 1e3,
-            burst=radio.burst, burst_loss=radio.burst_loss,
-        ),
-        receiver=EndRules(
-            radio.receiver_loss, radio.receiver_duplicate, radio.receiver_reorder, radio.reorder_ms / 1e3,
-            radio.delay_ms / 1e3, radio.jitter_ms / 1e3, radio.burst, radio.burst_loss,
-        ),
-        deploy_random=c.deploy.start == "random",
-        deploy_shared_error=c.deploy.error == "shared",
-        launch_rate=c.deploy.rate_per_s,
-        failure_rate=c.failure.rate,
-        battery_s=c.failure.battery_s,
-        battery=(c.battery.flight_s, c.battery.light_s, c.battery.reserve, float(c.battery.stagger)),
-        charge_s=c.battery.charge_s,
-        dead_links=radio.dead_links,
-        change_s=None,
-        counts=(count,),
-        next_thaw_h_s=0.0,
-        next_corners=(),
-        leavers=(),
-        oracles=(),
-    )  # fmt: skip
 
 
 def make_machine(

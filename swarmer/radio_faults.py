@@ -17,7 +17,7 @@ from swarmer.radio import LOST, End, EndRules, dead_link
 
 if TYPE_CHECKING:
     from swarmer.faults import Fault, Schedule
-    from swarmer.plan import Rules
+    from swarmer.rules import Rules
 
 NOW: tuple[float, ...] = (0.0,)  # one copy, at once
 

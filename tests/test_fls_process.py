@@ -11,8 +11,9 @@ from swarmer.fls_loops import BURST, Ear
 from swarmer.fls_process import Fls, RunSpec
 from swarmer.fls_spec import FlsSpec
 from swarmer.messages import NO_SWARM, Kind, Message, Stamp, Swarm, To, encode
-from swarmer.plan import make_rules, make_velocity
+from swarmer.plan import make_velocity
 from swarmer.protocol.events import Due, Launch, Received, Timer
+from swarmer.rules import make_rules
 from swarmer.state_machine import State
 from swarmer.telemetry import NOTHING_LEFT, Began, Phase, Reader, SharedMemory, Thawed, Wire
 from swarmer.udp_wrapper import HOME, Wires, address_of

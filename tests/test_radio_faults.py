@@ -7,9 +7,9 @@ import pytest
 from swarmer.config import load_config
 from swarmer.faults import NO_FAULTS, Fault, Schedule
 from swarmer.messages import ENGINE_FID, NO_SWARM, Kind, Message, Swarm, To
-from swarmer.plan import make_rules
 from swarmer.radio import LOST
 from swarmer.radio_faults import NOW, Ends
+from swarmer.rules import make_rules
 from swarmer.streams import stream
 
 FIN, INIT = Kind.CHALLENGE_FIN, Kind.CHALLENGE_INIT

@@ -53,6 +53,8 @@ SHAPES_2D = [{"shape": name} for name in ("butterfly", "cat", "teapot")]
 SWARMER, DR = {"technique": "signal_strength"}, {"technique": "dead_reckoning"}
 TRI, TRILA = {"technique": "triangulation"}, {"technique": "trilateration"}
 PM = {"technique": "physical_movement"}
+LARGEST_ANCHORS, SMALLEST_ANCHORS = {"rounds.anchor": "largest"}, {"rounds.anchor": "smallest"}
+SELDOM, OFTEN = {"lambda_ms": "1000"}, {"lambda_ms": "50"}
 
 
 def eps(*degrees: int) -> list[dict[str, str]]:
@@ -64,6 +66,16 @@ def quarter(value: float) -> tuple[float, float]:
 
 
 TEXT_ERROR = "the text's larger errors of flights"
+RACECAR = (
+    "four formations, as in the paper, but of 7 or 8 rounds where the paper's first took 6; with FIDs in the order "
+    "of the shape (rounds.fids: shape) formations take 5 or 6, and it needs six of them: 31 rounds"
+)
+LARGEST = "the largest swarm is the least flying on both shapes"
+LEASES = "leases expire where the machine is late, with 1,727 processes on it; in virtual time nobody is"
+THAWS = (
+    "a formation is a localization of all FLSs but one, so there is about one thaw for each; in the paper's table "
+    "an FLS must obey, or count, every THAW dozens of times"
+)
 FIGURE_26 = "the paper's multiples of 10 are formations of 10 rounds, as M 2 has them"
 
 SMALL: list[Claim | Order] = [
@@ -101,7 +113,14 @@ SMALL: list[Claim | Order] = [
     *_number("20", "fig20_scale", "first_swarm", "round of the first single swarm",
              ({"shape": "racecar"}, 6, (6, 8)), ({"shape": "statue"}, 6, (6, 8))),
     *_number("20", "fig20_scale", "rounds", "rounds to HD < 0.09",
-             (DRAGON, 21, (14, 22)), ({"shape": "racecar"}, 24, (20, 30)), ({"shape": "statue"}, 37, (30, 44))),
+             (DRAGON, 21, (14, 22)), ({"shape": "racecar"}, 24, (20, 30), RACECAR),
+             ({"shape": "statue"}, 37, (30, 44))),
+    *(Claim("beyond 20", "scale_million", {}, "first_swarm", "round of the first single swarm, 50,000 FLSs",
+            "grows slowly", (6, 12)),),
+    Order("4.2.2", "anchors", DRAGON, LARGEST_ANCHORS, SMALLEST_ANCHORS, "flown",
+          "cells flown, dragon: least with the largest swarm as the anchor"),
+    Order("4.2.2", "anchors", SKATEBOARD, SMALLEST_ANCHORS, LARGEST_ANCHORS, "flown",
+          "cells flown, skateboard: least with the smallest swarm as the anchor", why=LARGEST),
     Claim("21", "fig21_random", {}, "rounds", "rounds to HD < 0.09 from random places", 26, (20, 30)),
     Claim("21", "fig21_random", {}, "shift", "cells by which the shape ends shifted", "shifted", (1, 1e9)),
     *(Order("25", "fig25_yardsticks_94", e, SWARMER, bad, "hd", f"HD: SwarMer < {bad['technique']}")
@@ -118,6 +137,8 @@ SMALL: list[Claim | Order] = [
 EMULATOR: list[Claim | Order] = [
     *(Claim("27", "fig27_lambda_chess", {"lambda_ms": name}, "to_0.1", "seconds to HD < 0.1", "converges", (0, 60))
       for name in ("50", "200", "500", "1500")),
+    *(Claim("28", "fig28_lambda_skateboard", {"lambda_ms": name}, "to_0.1", "seconds to HD < 0.1", "converges", (0, 60))
+      for name in ("50", "500", "1500")),
     Claim("29", "fig29_30_shapes", DRAGON, "to_0.01", "seconds to HD < 0.01", "tens", (10, 100)),
     *(Claim("31", "fig31_loss", where, "to_1", "seconds to HD < 1", "the first seconds", (0, 30))
       for where in (
@@ -127,6 +148,21 @@ EMULATOR: list[Claim | Order] = [
       )),
     *(Claim("32", "fig32_failures_chess", {"failure.rate": rate}, "hd_least", "least HD", "falls again", (0, 0.5))
       for rate in ("0.0001", "0.001")),
+    Claim("33", "fig33_failures_skateboard", {"failure.rate": "0.0001"}, "hd_least", "least HD",
+          "falls again", (0, 0.5)),
+    Order("33", "fig33_failures_skateboard", {}, {"failure.rate": "0.0001"}, {"failure.rate": "0.1"}, "hd_median",
+          "median HD over time grows with the failures"),
+    Order("Table 2", "table2_metrics", {}, SELDOM, OFTEN, "bytes", "bytes sent: more at λ 50 than at λ 1000"),
+    Order("Table 2", "table2_metrics", {}, SELDOM, OFTEN, "localizations",
+          "localizations: more at λ 50 than at λ 1000"),
+    *(Claim("Table 2", "table2_metrics", where, "distance", "cells flown by an FLS, deployment included", value,
+            quarter(value))
+      for where, value in ((OFTEN, 70.4), (SELDOM, 75.2))),
+    *(Claim("Table 2", "table2_metrics", where, "thaws_per_localization", "thaws of FLSs for each localization",
+            value, quarter(value), THAWS) for where, value in ((OFTEN, 36.0), (SELDOM, 31.5))),
+    *(Claim("Table 2", "table2_metrics", where, "leases_expired", "leases that expire, %", value,
+            quarter(value), LEASES)
+      for where, value in ((OFTEN, 11.03), (SELDOM, 5.16))),
     *(Claim("6", "speed", {"flight.speed_m_s": v}, "to_0.1", "seconds to HD < 0.1", "as at any speed", (0, 60))
       for v in ("3", "10")),
 ]  # fmt: skip
@@ -143,6 +179,11 @@ QUICK: dict[str, tuple[str, dict[str, tuple[str, ...]], tuple[str, ...]]] = {
     "fig25_yardsticks_94": ("6", {}, ()),
     "fig26_yardsticks_1008": ("3", {}, ()),
     "fig27_lambda_chess": ("2", {"lambda_ms": ("50", "200", "500", "1500")}, ()),
+    "fig28_lambda_skateboard": ("1", {"lambda_ms": ("50", "500", "1500")}, ("points=200", "duration_s=60")),
+    "fig33_failures_skateboard": ("2", {"failure.rate": ("0.0001", "0.1")}, ("points=200", "duration_s=40")),
+    "table2_metrics": ("1", {"lambda_ms": ("50", "200", "1000")}, ("points=100", "duration_s=10")),
+    "anchors": ("6", {"rounds.anchor": ("largest", "smallest")}, ()),
+    "scale_million": ("1", {}, ("points=50000",)),
     "fig29_30_shapes": ("1", {"shape": ("dragon",)}, ()),
     "fig31_loss": ("1", {"radio.loss_receiver": ("0", "0.1")}, ("shape=dragon", "duration_s=30")),
     "fig32_failures_chess": ("2", {"failure.rate": ("0.0001", "0.001")}, ("duration_s=60",)),

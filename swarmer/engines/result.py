@@ -80,6 +80,7 @@ class RoundRow(NamedTuple):
     localizing_cells: float  # flown by the localizing FLSs
     swarm_cells: float  # flown by those that followed them
     failed: int = 0  # FLSs that found no fix; a yardstick's
+    hd_absolute_cells: float | None = None  # without translation, where oracles are and HD was read
 
 
 class Lateness(NamedTuple):

@@ -142,7 +142,10 @@ class _Run:
     def _look(self, step: Step | None, hd: float) -> None:
         """Write the round down, and show it."""
         self.result.emulated_s = float(self.number)
-        self.rows.append(row_of(self.number, step, self.rounds.xi, hd))
+        row = row_of(self.number, step, self.rounds.xi, hd)
+        if len(self.world.oracles) and row.hd_cells is not None:
+            row = row._replace(hd_absolute_cells=self.hd.absolute())
+        self.rows.append(row)
         everybody = np.ones(self.plan.size, dtype=np.bool_)
         snapshot = Snapshot(
             t_s=float(self.number),

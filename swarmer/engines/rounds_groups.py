@@ -30,6 +30,16 @@ class Groups(NamedTuple):
     wave: Rows  # 1 where the anchor's swarm stands still, 1 more than its wave where it localizes, too
     busy_joins: int
 
+    def measuring(self, absolute: NDArray[np.bool_]) -> Groups:
+        """Without those in which nobody measures or flies, for both swarms are absolute. absolute: (S,)."""
+        if not absolute.any():
+            return self
+        kept = ~absolute[self.swarm]  # an absolute swarm is never corrected by one that is not
+        return Groups(
+            self.localizer[kept], self.anchor[kept], self.swarm[kept], self.anchor_swarm[kept], self.wave[kept],
+            self.busy_joins,
+        )  # fmt: skip
+
 
 @dataclass(slots=True)
 class _Agreed:
@@ -61,34 +71,45 @@ class _Agreed:
 
 
 class Selection(NamedTuple):
-    """Who becomes the anchor of a group: the swarm of the lowest rank, or always the challenger's."""
+    """Who becomes the anchor of a group: an absolute swarm, else that of the lowest rank or always the challenger's."""
 
     rank: Ranks  # (S,), all different
     challenger: bool
+    absolute: NDArray[np.bool_]  # (S,), an oracle is in it
+
+    def first(self, one: int, other: int) -> bool:
+        """Of a challenging swarm and another one: does `one`, which challenges, anchor?"""
+        if self.absolute[one] != self.absolute[other]:
+            return bool(self.absolute[one])
+        return self.challenger or bool(self.rank[one] < self.rank[other])
 
 
-def select_anchors(strategy: str, swarms: Swarms, rng: np.random.Generator) -> Selection:
+def select_anchors(
+    strategy: str, swarms: Swarms, rng: np.random.Generator, absolute: NDArray[np.bool_]
+) -> Selection:
     """Ranks of the swarms by an anchor strategy; ties go to the lower Swarm-ID (rule 7).
 
     largest, smallest: by size; lowest: by Swarm-ID; challenger; random: drawn anew for each round.
     """
     count = len(swarms)
     if strategy == "random":
-        return Selection(rng.permutation(count), False)
+        return Selection(rng.permutation(count), False, absolute)
     rank = np.arange(count)
     if strategy in ("largest", "smallest"):
         sign = -1 if strategy == "largest" else 1
         rank[np.argsort(sign * swarms.sizes, kind="stable")] = np.arange(count)
-    return Selection(rank, strategy == "challenger")
+    return Selection(rank, strategy == "challenger", absolute)
 
 
 def group_all(links: Links, swarms: Swarms, order: Rows, selection: Selection) -> Groups:
     """M = ∞: each free swarm, in the order given, gathers the free swarms that its challenger sees; one anchors.
 
-    A challenger that sees busy swarms alone localizes relative to the nearest FLS it sees, and joins.
+    A challenger that sees busy swarms alone localizes relative to the nearest FLS it sees, and joins. An absolute swarm
+    joins none but those that will be absolute, or waits for the next round.
     """
     agreed = _Agreed()
     wave = [FREE] * len(swarms)
+    absolute = selection.absolute.tolist()  # that it is when this round ends, too
     rank, by_challenger = selection.rank.tolist(), selection.challenger
     starts, ends, seen = links.starts.tolist(), links.ends.tolist(), swarms.of[links.ends].tolist()
     challenger = links.challenger.tolist()
@@ -102,15 +123,22 @@ def group_all(links: Links, swarms: Swarms, order: Rows, selection: Selection) -
             if wave[other] == FREE and other not in group:
                 group[other] = ends[at]
         if len(group) > 1:
-            best = swarm if by_challenger else min(group, key=rank.__getitem__)
+            known = [member for member in group if absolute[member]] or group
+            best = swarm if by_challenger and swarm in known else min(known, key=rank.__getitem__)
             for member, row in group.items():
                 wave[member] = 0 if member == best else 1
                 if member != best:
                     agreed.add(row, group[best], member, best, 1)
-        elif begin < end:
-            wave[swarm] = wave[seen[begin]] + 1
-            agreed.add(challenger[swarm], ends[begin], swarm, seen[begin], wave[swarm])
-            agreed.busy_joins += 1
+                absolute[member] = absolute[best]
+        else:
+            at = begin
+            if absolute[swarm]:
+                at = next((at for at in range(begin, end) if absolute[seen[at]]), end)
+            if at < end:
+                wave[swarm] = wave[seen[at]] + 1
+                agreed.add(challenger[swarm], ends[at], swarm, seen[at], wave[swarm])
+                agreed.busy_joins += 1
+                absolute[swarm] = absolute[seen[at]]
     return agreed.groups()
 
 
@@ -120,14 +148,13 @@ def pair_fast(links: tuple[Rows, Rows], position: Vectors, swarms: Swarms, selec
     """
     agreed = _Agreed()
     free = [True] * len(swarms)
-    rank = selection.rank.tolist()
     u, v = links
     for row, other_row, one, other in zip(
         u.tolist(), v.tolist(), swarms.of[u].tolist(), swarms.of[v].tolist(), strict=True
     ):
         if free[one] and free[other]:
             free[one] = free[other] = False
-            _pair(agreed, (row, one), (other_row, other), selection.challenger or rank[one] < rank[other])
+            _pair(agreed, (row, one), (other_row, other), selection.first(one, other))
     left = np.flatnonzero(free)
     while len(left) > 1:
         rows = swarms.members[swarms.starts[left]]
@@ -136,16 +163,16 @@ def pair_fast(links: tuple[Rows, Rows], position: Vectors, swarms: Swarms, selec
         mutual = np.flatnonzero((near[near] == np.arange(len(left))) & (near > np.arange(len(left))))
         for at in mutual.tolist():
             one, other = int(left[at]), int(left[near[at]])
-            first = selection.challenger or rank[one] < rank[other]
-            _pair(agreed, (int(rows[at]), one), (int(rows[near[at]]), other), first)
+            _pair(agreed, (int(rows[at]), one), (int(rows[near[at]]), other), selection.first(one, other))
         paired = np.concatenate([mutual, near[mutual]])
         left = np.delete(left, paired)
     return agreed.groups()
 
 
-def pair_exact(position: Vectors, swarms: Swarms) -> Groups:
+def pair_exact(position: Vectors, swarms: Swarms, absolute: NDArray[np.bool_]) -> Groups:
     """M = 2 as the authors' program: in the order of FIDs the lowest FID of each free swarm localizes relative to the
-    nearest FLS of any free swarm. Each looks at all FLSs that are left, so the time grows with the square of F.
+    nearest FLS of any free swarm, unless its own swarm alone is absolute. Each looks at all FLSs that are left, so the
+    time grows with the square of F.
     """
     agreed = _Agreed()
     free = np.ones(len(swarms), dtype=np.bool_)
@@ -167,7 +194,7 @@ def pair_exact(position: Vectors, swarms: Swarms) -> Groups:
         anchor = int(candidates[best])
         other = int(swarms.of[anchor])
         free[other] = False
-        agreed.add(row, anchor, swarm, other, 1)
+        _pair(agreed, (row, swarm), (anchor, other), bool(absolute[swarm] and not absolute[other]))
         pairs_since += 1
     return agreed.groups()
 

@@ -52,6 +52,7 @@ class SwarmRounds:
         self._planned = Planned(plan.neighbours.neighbours, world.point) if planned else None
         self._eta, self._pairs = plan.neighbours.eta, config.m == 2
         self._rng = generator(config.seed, "pairing")
+        self._oracles = world.oracles
         self.failures: Counter[str] = Counter()
         self.xi: Rows = np.arange(len(world))  # lowest row of the swarm of each FLS
         self.state: NDArray[np.int8] = np.full(len(world), State.AVAILABLE, dtype=np.int8)
@@ -68,24 +69,27 @@ class SwarmRounds:
     def step(self) -> Step:
         """Play one round. Raises PluginFailed."""
         swarms = Swarms.of_ids(self.xi)
-        groups = self._groups(swarms)
+        absolute = np.zeros(len(swarms), dtype=np.bool_)
+        absolute[swarms.of[self._oracles]] = True
+        groups = self._groups(swarms, absolute)
+        measuring = groups.measuring(absolute)
         moves = carry_out(
             self._world,
             self._technique,
             swarms,
-            groups,
+            measuring,
             self._settings.threshold_cells,
             self._settings.pm_first_leg == "exact",
         )
         self.xi = merged(swarms, groups)
-        self._tell_roles(swarms, groups)
-        return _summed_up(groups, moves)
+        self._tell_roles(swarms, measuring)
+        return _summed_up(groups, measuring, moves)
 
-    def _groups(self, swarms: Swarms) -> Groups:
+    def _groups(self, swarms: Swarms, absolute: NDArray[np.bool_]) -> Groups:
         settings, position = self._settings, self._world.position
         if self._pairs and settings.pairing == "exact":
-            return pair_exact(position, swarms)
-        selection = select_anchors(settings.anchor, swarms, self._rng)
+            return pair_exact(position, swarms, absolute)
+        selection = select_anchors(settings.anchor, swarms, self._rng, absolute)
         sight: Sight = self._planned or Nearest(position, self._eta, self._world.dim)
         if self._pairs:
             return pair_fast(live_links(sight, swarms), position, swarms, selection)
@@ -101,12 +105,12 @@ class SwarmRounds:
         self.state[groups.localizer] = State.BUSY_LOCALIZING
 
 
-def _summed_up(groups: Groups, moves: Moves) -> Step:
+def _summed_up(groups: Groups, measuring: Groups, moves: Moves) -> Step:
     return Step(
-        localizing=len(groups.localizer),
-        anchors=len(np.unique(groups.anchor)),
+        localizing=len(measuring.localizer),
+        anchors=len(np.unique(measuring.anchor)),
         busy_joins=groups.busy_joins,
-        waves=int(groups.wave.max(initial=0)),
+        waves=int(measuring.wave.max(initial=0)),
         groups=np.unique(groups.anchor_swarm, return_counts=True)[1] + 1,
         flights=moves.lengths,
         localizing_cells=moves.localizing_cells,

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 Vectors = NDArray[np.float64]
 Rows = NDArray[np.int64]
 LOCALIZING, FOLLOWING = 0, 1  # why an FLS flies
+HAIR = 1e-9  # cells: nearer than this nobody comes
 SAMPLE = 90  # FLSs that the paper's translation is taken from
 
 
@@ -39,6 +40,19 @@ class World:
         self._flights = generator(config.seed, "flights")
         self.last_flight: Vectors = np.zeros(len(self.truth))  # cells, of each FLS
         self.position = self._deployed(plan)
+        row = np.argsort(self.point)
+        self.oracles: Rows = np.sort(row[np.array(plan.rules.oracles, dtype=np.int64) - 1])
+        self._correct(max(plan.config.flight_threshold_cells, HAIR), generator(config.seed, "oracles"))
+
+    def _correct(self, near_cells: float, rng: np.random.Generator) -> None:
+        """Part of the deployment: oracles know how far they are from their points, and fly until that is little."""
+        rows = self.oracles
+        while len(rows):
+            way = self.truth[rows] - self.position[rows]
+            far = lengths(way) >= near_cells
+            rows, way = rows[far], way[far]
+            self.position[rows] += self._reckon(way, self._epsilon, self.dim, rng)
+            self.flown_cells += float(lengths(way).sum())
 
     def __len__(self) -> int:
         return len(self.truth)
@@ -108,6 +122,10 @@ class HdReader:
             return self._meter.hd(position)
         rows = self._rng.choice(len(truth), min(SAMPLE, len(truth)), replace=False)
         return self._meter.absolute(position + sampled_translation(truth[rows] - position[rows]))
+
+    def absolute(self) -> float:
+        """HD now without any translation, cells."""
+        return self._meter.absolute(self._world.position)
 
 
 def generator(seed: int, purpose: str) -> np.random.Generator:

@@ -16,7 +16,8 @@ from swarmer.streams import stream
 from swarmer.udp_wrapper import Wires
 
 if TYPE_CHECKING:
-    from swarmer.plan import Plan, Rules
+    from swarmer.plan import Plan
+    from swarmer.rules import Rules
 
 NEAR_MAX = 64  # nearest FLSs an FLS can reach by unicast; more go by broadcast
 

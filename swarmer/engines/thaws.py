@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from swarmer.plan import Rules
+    from swarmer.rules import Rules
 
 
 class Sight(NamedTuple):

@@ -21,11 +21,11 @@ from swarmer.fls_spec import FlsSpec
 from swarmer.messages import ZERO, Message, Stamp, Swarm
 from swarmer.metrics.lateness import bucket
 from swarmer.physics.flight import Flight
-from swarmer.plan import Rules
 from swarmer.protocol.events import ThawBegins
 from swarmer.protocol.race import JUDGED, PRIORITY
 from swarmer.protocol.records import Counters
 from swarmer.radio import WINDOW, heard
+from swarmer.rules import Rules
 from swarmer.state_machine import State
 from swarmer.telemetry import DELIVERED_BY_KIND, REFUSED, Wire
 

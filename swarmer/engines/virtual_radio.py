@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from swarmer.engines.virtual_fls import VirtualFls
     from swarmer.fls_spec import FlsSpec
-    from swarmer.plan import Rules
+    from swarmer.rules import Rules
 
 RUN = 1  # there is no other run on this air
 FEW = 64  # FLSs of other swarms that are asked one by one, wherever they are

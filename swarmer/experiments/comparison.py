@@ -23,8 +23,9 @@ from swarmer.settings import did_you_mean
 
 Key = tuple[str, ...]
 Row = dict[str, str]
-IN_ROUNDS = ("rounds_to_hd", "first_single_swarm_round")
-IN_SECONDS = ("time_to_hd_s", "first_single_swarm_s", "all_lit_s")
+IN_ROUNDS = ("rounds_to_hd", "rounds_to_hd_absolute", "first_single_swarm_round")
+IN_SECONDS = ("time_to_hd_s", "time_to_hd_absolute_s", "first_single_swarm_s", "all_lit_s")
+ABSOLUTE = ("rounds_to_hd_absolute", "time_to_hd_absolute_s")  # columns of runs with oracles
 CLOCKS = ("rounds", "emulated_s")  # a run that has no such column filled cannot say when, which is not never
 FREE = "fixes_failed."  # of a yardstick; the rest of the name is its own
 FIRST_CHOICES = ("technique", "engine")  # of what is compared, where nobody says
@@ -51,13 +52,18 @@ class Measure(NamedTuple):
         text = row.get(self.column) or ""
         if _number(text):
             return float(text)
-        return NEVER if self.timed and not text and row.get(self.clock) != "" else None
+        if not self.timed or text or row.get(self.clock) == "":
+            return None
+        # Without oracles nobody looks when the absolute HD was low, which is not never.
+        group = self.column.partition(".")[0]
+        return NEVER if group not in ABSOLUTE or row.get(f"{group}.1") else None
 
 
 MEASURES = (
     Measure("hd_cells", "HD at the end, cells"),
     Measure("rounds_to_hd.0.09", "rounds to HD < 0.09"),
     Measure("time_to_hd_s.0.09", "seconds to HD < 0.09"),
+    Measure("hd_absolute_cells", "absolute HD at the end, cells"),
     Measure("distance_cells_mean", "cells flown by an FLS"),
     Measure("datagrams_sent", "datagrams sent"),
 )
@@ -169,7 +175,8 @@ def chosen(asked: list[str], varied: list[str]) -> Key:
             )
     if asked:
         return tuple(asked)
-    first = [name for name in (*FIRST_CHOICES, *varied) if name in varied]
+    rest = sorted(varied, key="shape".__eq__)  # shapes are what others compete on
+    first = [name for name in (*FIRST_CHOICES, *rest) if name in varied]
     if not first:
         raise BadInput.saying("between: nothing varies but the seed; two values of a setting can be compared")
     return (first[0],)
@@ -178,8 +185,13 @@ def chosen(asked: list[str], varied: list[str]) -> Key:
 def _measures(asked: list[str], rows: list[Row], done: list[Row]) -> tuple[Measure, ...]:
     known = {measure.column: measure for measure in MEASURES}
     if not asked:
-        found = [measure for measure in MEASURES if any(_number(row.get(measure.column)) for row in done)]
-        return tuple(found)
+        oracles = any(row.get(f"{name}.1") for row in done for name in ABSOLUTE)
+        return tuple(
+            measure
+            for measure in MEASURES
+            if any(_number(row.get(measure.column)) for row in done)
+            and (oracles or "absolute" not in measure.column)
+        )
     columns = list(rows[0]) if rows else []
     numbers = [name for name in columns if all(_number(row[name]) for row in done if row[name])]
     for name in asked:

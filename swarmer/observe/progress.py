@@ -134,7 +134,8 @@ class Progress:
         times = self.time_to_hd_s if self.next_time_to_hd_s is None else self.next_time_to_hd_s
         self._cross(times, self.hd, snapshot.t_s)
         if self.time_to_hd_absolute_s is not None and self.next_time_to_hd_s is None:
-            self._cross(self.time_to_hd_absolute_s, self.hd_absolute() or math.inf, snapshot.t_s)
+            absolute = self.hd_absolute()
+            self._cross(self.time_to_hd_absolute_s, math.inf if absolute is None else absolute, snapshot.t_s)
 
     def _cross(self, times: dict[str, float | None], hd: float, t_s: float) -> None:
         """Which thresholds is HD below for the first time?"""

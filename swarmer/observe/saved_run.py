@@ -41,7 +41,8 @@ BROKEN = (
 )  # fmt: skip
 # Tables of a summary.
 TABLES = {
-    "time_to_hd_s", "time_to_hd_absolute_s", "next_time_to_hd_s", "rounds_to_hd", "timer_late_ms", "handled_late_ms",
+    "time_to_hd_s", "time_to_hd_absolute_s", "next_time_to_hd_s", "rounds_to_hd", "rounds_to_hd_absolute",
+    "timer_late_ms", "handled_late_ms",
 }  # fmt: skip
 NUMBERS = {
     "points", "seed", "emulated_s", "wall_s", "hd_cells", "hd_min_cells", "hd_absolute_cells", "first_single_swarm_s",

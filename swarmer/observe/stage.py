@@ -30,7 +30,7 @@ from swarmer.observe.protocol_words import (
 from swarmer.observe.scenario import COMMANDS, Scenario, Word
 from swarmer.observe.stage_entrances import APART, ENTRANCES, OWING, measured
 from swarmer.observe.story import fate_words
-from swarmer.plan import find_technique, make_machine, make_rules
+from swarmer.plan import find_technique, make_machine
 from swarmer.protocol import race
 from swarmer.protocol.events import (
     IGNORED,
@@ -49,6 +49,7 @@ from swarmer.protocol.events import (
     Timer,
 )
 from swarmer.radio import Ears, ReplayWindow, heard
+from swarmer.rules import make_rules
 from swarmer.state_machine import Identity, ProtocolBug, State, StateMachine
 
 RUN = 1

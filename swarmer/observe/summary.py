@@ -45,6 +45,7 @@ OF_SOME_ENGINES = (
     "invariant_violations",
     "rounds",
     "rounds_to_hd",
+    "rounds_to_hd_absolute",
     "converged",
     "first_single_swarm_round",
     "formation_rounds",
@@ -54,7 +55,14 @@ OF_SOME_ENGINES = (
 )
 
 # What an engine without a clock, which counts rounds instead, does not have.
-OF_A_CLOCK = ("emulated_s", "time_to_hd_s", "all_lit_s", "first_single_swarm_s", "time_scale")
+OF_A_CLOCK = (
+    "emulated_s",
+    "time_to_hd_s",
+    "time_to_hd_absolute_s",
+    "all_lit_s",
+    "first_single_swarm_s",
+    "time_scale",
+)
 
 # What only a run with a next shape has; `next_time_to_hd_s` counts from its beginning.
 OF_A_TRANSITION = (
@@ -68,7 +76,13 @@ WORDS = (
     "engine", "shape", "status", "message", "faithful", "trace_sha256", "invariant_violations", "converged",
     "formation_rounds", "fixes_failed", "next_shape", "assigned_optimally",
 )  # fmt: skip
-HD_TIMES = ("time_to_hd_s", "time_to_hd_absolute_s", "next_time_to_hd_s", "rounds_to_hd")
+HD_TIMES = (
+    "time_to_hd_s",
+    "time_to_hd_absolute_s",
+    "next_time_to_hd_s",
+    "rounds_to_hd",
+    "rounds_to_hd_absolute",
+)
 WITHIN = {
     **dict.fromkeys(HD_TIMES, THRESHOLDS),
     **dict.fromkeys(("timer_late_ms", "handled_late_ms"), Lateness._fields),
@@ -158,7 +172,12 @@ def make_summary(
         "next_time_to_hd_s": None if progress.next_time_to_hd_s is None else dict(progress.next_time_to_hd_s),
     }
     if getattr(result, "in_rounds", False):
-        summary |= {"rounds_to_hd": _whole_rounds(progress.time_to_hd_s), **dict.fromkeys(OF_A_CLOCK)}
+        absolute = progress.time_to_hd_absolute_s
+        summary |= {
+            "rounds_to_hd": _whole_rounds(progress.time_to_hd_s),
+            "rounds_to_hd_absolute": None if absolute is None else _whole_rounds(absolute),
+            **dict.fromkeys(OF_A_CLOCK),
+        }
     summary.update(getattr(result, "extra", None) or {})
     return {name: plain(value) for name, value in summary.items()}
 

@@ -20,7 +20,18 @@ def agreed(groups):
 
 
 def selection(strategy, swarms):
-    return select_anchors(strategy, swarms, np.random.default_rng(1))
+    return select_anchors(strategy, swarms, np.random.default_rng(1), none_of(swarms))
+
+
+def none_of(swarms):
+    """No swarm is absolute."""
+    return np.zeros(len(swarms), dtype=bool)
+
+
+def absolute(swarms, *which):
+    flags = none_of(swarms)
+    flags[list(which)] = True
+    return flags
 
 
 SIX = Swarms.of_ids(np.arange(6))
@@ -74,7 +85,7 @@ def test_random_anchors_are_anybody():
     seen = set()
     for seed in range(40):
         groups = group_all(
-            links, SIX, np.arange(6), select_anchors("random", SIX, np.random.default_rng(seed))
+            links, SIX, np.arange(6), select_anchors("random", SIX, np.random.default_rng(seed), none_of(SIX))
         )
         seen.add(int(groups.anchor_swarm[0]))
     assert seen == {0, 1, 2}
@@ -99,21 +110,21 @@ def test_with_an_odd_number_one_is_left_over():
     three = Swarms.of_ids(np.arange(3))
     for groups in (
         pair_fast(live_links(Nearest(position, 1, 3), three), position, three, selection("lowest", three)),
-        pair_exact(position, three),
+        pair_exact(position, three, none_of(three)),
     ):
         assert len(groups.swarm) == 1
 
 
 def test_exact_pairs_by_position_and_the_one_whose_turn_it_is_localizes():
     position = np.array([[x, 0.0, 0.0] for x in (0, 9, 1, 8, 2.5, 7)])
-    groups = pair_exact(position, SIX)
+    groups = pair_exact(position, SIX, none_of(SIX))
     assert agreed(groups) == [(0, 2, 0, 2, 1), (1, 3, 1, 3, 1), (4, 5, 4, 5, 1)]
 
 
 def test_exact_pairs_with_the_nearest_fls_of_a_swarm_not_with_its_lowest():
     position = np.array([[0.0, 0, 0], [30, 0, 0], [1, 0, 0]])
     swarms = Swarms.of_ids(in_rows([0, 1, 1]))
-    assert agreed(pair_exact(position, swarms)) == [(0, 2, 0, 1, 1)]
+    assert agreed(pair_exact(position, swarms, none_of(swarms))) == [(0, 2, 0, 1, 1)]
 
 
 def plain_exact(position, swarms):
@@ -135,7 +146,7 @@ def test_exact_is_what_its_letter_says_of_many():
     rng = np.random.default_rng(9)
     position, group = rng.random((150, 3)), rng.integers(0, 90, 150)
     swarms = Swarms.of_ids(in_rows([np.flatnonzero(group == one)[0] for one in group]))
-    assert agreed(pair_exact(position, swarms)) == plain_exact(position, swarms)
+    assert agreed(pair_exact(position, swarms, none_of(swarms))) == plain_exact(position, swarms)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -144,7 +155,8 @@ def test_what_holds_in_every_round(seed):
     rng = np.random.default_rng(seed)
     position, group = rng.random((200, 3)), rng.integers(0, 200 // 2 ** (seed % 6 + 1), 200)
     swarms = Swarms.of_ids(in_rows([np.flatnonzero(group == one)[0] for one in group]))
-    chosen = select_anchors(["lowest", "largest", "smallest", "challenger", "random"][seed % 5], swarms, rng)
+    strategy = ["lowest", "largest", "smallest", "challenger", "random"][seed % 5]
+    chosen = select_anchors(strategy, swarms, rng, none_of(swarms))
     sight = Nearest(position, 5, 3)
     everyone = group_all(challengers(sight, swarms), swarms, rng.permutation(len(swarms)), chosen)
     two = pair_fast(live_links(sight, swarms), position, swarms, chosen)
@@ -161,3 +173,57 @@ def test_what_holds_in_every_round(seed):
             assert np.flatnonzero(after == name)[0] == name, "a swarm's id is its lowest FID"
     assert len(everyone.swarm) > 0
     assert len(two.swarm) == len(swarms) // 2
+
+
+# -- oracles -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("strategy", ["lowest", "largest", "challenger", "random"])
+def test_an_absolute_swarm_anchors_whatever_the_strategy(strategy):
+    """0 sees 1, 2 and 3, of which 2 is absolute; 4 sees busy ones alone and joins the nearest, 1, after it."""
+    links = links_of([1, 2, 3], [0], [0], [0], [1, 0], [4])
+    chosen = select_anchors(strategy, SIX, np.random.default_rng(1), absolute(SIX, 2))
+    groups = group_all(links, SIX, np.arange(6), chosen)
+    assert agreed(groups)[:4] == [(0, 2, 0, 2, 1), (1, 2, 1, 2, 1), (3, 2, 3, 2, 1), (4, 1, 4, 1, 2)]
+
+
+def test_of_two_absolute_swarms_nobody_measures():
+    links = links_of([1, 2], [0], [0], [], [], [])
+    flags = absolute(SIX, 0, 1)
+    chosen = select_anchors("lowest", SIX, np.random.default_rng(1), flags)
+    groups = group_all(links, SIX, np.arange(6), chosen)
+    assert agreed(groups) == [(1, 0, 1, 0, 1), (2, 0, 2, 0, 1)]
+    assert agreed(groups.measuring(flags)) == [(2, 0, 2, 0, 1)]
+    assert groups.measuring(none_of(SIX)) is groups
+
+
+def test_an_absolute_swarm_joins_busy_ones_only_if_they_come_to_stand_right():
+    """1 gathers 0; 2 is absolute and sees these alone: it waits. 3 is, sees 4 and 5 busy, and 4 anchors as absolute."""
+    links = links_of([], [0], [0, 1], [5, 4], [5], [])
+    flags = absolute(SIX, 2, 3, 4)
+    chosen = select_anchors("lowest", SIX, np.random.default_rng(1), flags)
+    groups = group_all(links, SIX, in_rows([1, 2, 4, 3, 0, 5]), chosen)
+    assert agreed(groups) == [(1, 0, 1, 0, 1), (5, 4, 5, 4, 1), (3, 5, 3, 5, 2)]
+    assert groups.busy_joins == 1
+    assert agreed(groups.measuring(flags)) == [(1, 0, 1, 0, 1), (5, 4, 5, 4, 1)]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_absolute_swarm_is_ever_corrected_by_one_that_is_not(seed):
+    rng = np.random.default_rng(seed)
+    position, group = rng.random((200, 3)), rng.integers(0, 200 // 2 ** (seed % 4 + 1), 200)
+    swarms = Swarms.of_ids(in_rows([np.flatnonzero(group == one)[0] for one in group]))
+    flags = absolute(swarms, *rng.integers(0, len(swarms), 4).tolist())
+    strategy = ["lowest", "largest", "smallest", "challenger", "random"][seed % 5]
+    chosen = select_anchors(strategy, swarms, rng, flags)
+    sight = Nearest(position, 5, 3)
+    everyone = group_all(challengers(sight, swarms), swarms, rng.permutation(len(swarms)), chosen)
+    pairs = pair_fast(live_links(sight, swarms), position, swarms, chosen)
+    for groups in (everyone, pairs, pair_exact(position, swarms, flags)):
+        anchor_of = dict(zip(groups.swarm.tolist(), groups.anchor_swarm.tolist(), strict=True))
+        for swarm in np.flatnonzero(flags).tolist():
+            while swarm in anchor_of:
+                swarm = anchor_of[swarm]
+            assert flags[swarm], "who stands at the end of the line stands right"
+        assert len(groups.swarm) > 0
+        assert len(np.unique(merged(swarms, groups))) == len(swarms) - len(groups.swarm)

@@ -16,7 +16,7 @@ import pytest
 from swarmer.config import RunConfig
 from swarmer.errors import BadInput
 from swarmer.experiments import contest as contests
-from swarmer.experiments.comparison import Measure, check_measures, compare
+from swarmer.experiments.comparison import Measure, check_measures, chosen, compare
 from swarmer.experiments.contest import contest, default_engine
 from swarmer.experiments.experiment import FACTS
 from swarmer.experiments.one_run import perform
@@ -95,6 +95,25 @@ def test_conditions_are_compared_each_for_itself_and_p_is_of_all_of_them(write):
     both = compare(table(write, rows), between=["shape", "technique"])
     assert both.within == ()
     assert len([pair for pair in both.pairs if pair.measure.column == "hd_cells"]) == 6
+
+
+def test_shapes_compete_only_where_nothing_else_does():
+    assert chosen([], ["shape", "oracle.count", "m"]) == ("oracle.count",)
+    assert chosen([], ["shape", "m", "engine"]) == ("engine",)
+    assert chosen([], ["shape"]) == ("shape",)
+
+
+def test_the_absolute_hd_is_looked_at_where_oracles_are(write):
+    """Who has none has not failed to come to stand right: nobody has looked."""
+    head = "oracle.count,seed,status,rounds,hd_absolute_cells,rounds_to_hd_absolute.1,rounds_to_hd_absolute.0.09,run\n"
+    rows = [(0, seed, "done", 9, 1.5, "", "", f"n{seed}") for seed in range(1, 4)]
+    plain = compare(table(write, [(1, 1, "done", 9, 1.5, "", "", "x"), *rows], head))
+    assert plain.measures == ()
+    rows += [(1, seed, "done", 9, 0.1, 2, "" if seed == 1 else 5, f"o{seed}") for seed in range(1, 4)]
+    [absolute] = compare(table(write, rows, head)).measures
+    assert absolute.column == "hd_absolute_cells"
+    timed = compare(table(write, rows, head), measures=["rounds_to_hd_absolute.0.09"])
+    assert [row[-1] for row in table_rows(timed)[1:]] == ["–", "5 (2/3)"]
 
 
 def test_who_never_got_there(write):

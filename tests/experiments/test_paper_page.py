@@ -16,7 +16,7 @@ from swarmer.experiments.experiment import experiment_names
 from swarmer.experiments.runs import expand, spelled
 
 RUNS = {name: expand(paper_page.quick(name, paper_page.PROGRAM)) for name in QUICK}
-FIGURES = "1 5-7 8-10 13 14 18 19 20 21 25 26 27 29 31 32 6 4.2.1"
+FIGURES = "1 5-7 8-10 13 14 18 19 20 21 25 26 27 28 29 31 32 33 6 4.2.1 4.2.2"
 
 
 def settings(run):
@@ -35,17 +35,19 @@ def test_the_quick_version_has_runs_for_every_claim(claim):
         assert len(there) == len({run.config.seed for run in there}), "one cell, and no mixture of several"
 
 
-def test_every_figure_of_the_paper_is_on_the_page_or_named_as_missing():
-    assert {claim.figure for claim in CLAIMS} == {*FIGURES.split(), "Table 1"}
+def test_every_figure_of_the_paper_is_on_the_page_and_what_was_reduced_beside_it():
+    assert {claim.figure for claim in CLAIMS} == {*FIGURES.split(), "Table 1", "Table 2", "beyond 20"}
     page = paper_page.page(Path("nowhere"))
-    of_the_paper = {name for name in experiment_names() if name.startswith(("fig", "table"))} | {
-        "anchors",
-        "speed",
-    }
-    assert {name for name in of_the_paper if name not in QUICK} <= {
-        name for name in experiment_names() if f"`{name}`" in page
-    }
+    of_the_paper = {name for name in experiment_names() if name.startswith(("fig", "table"))}
+    assert (
+        of_the_paper | {"anchors", "speed", "scale_million"}
+        == set(QUICK)
+        == {one.experiment for one in CLAIMS}
+    )
     assert set(TEXT) <= set(QUICK) <= set(experiment_names())
+    for name, (seeds, _, overrides) in QUICK.items():
+        [row] = [line for line in page.splitlines() if line.startswith(f"| `{name}` | {seeds} |")]
+        assert all(f"`{one}`" in row for one in overrides)
 
 
 def test_the_quick_version_is_as_the_file_but_for_seeds_and_values():

@@ -16,9 +16,10 @@ if TYPE_CHECKING:
     from swarmer.engines.result import Seen
     from swarmer.messages import Message, Stamp, Swarm, Vec3
     from swarmer.physics.flight import Flight
-    from swarmer.plan import Plan, Rules
+    from swarmer.plan import Plan
     from swarmer.protocol.events import Action
     from swarmer.protocol.events import Event as Happening
+    from swarmer.rules import Rules
     from swarmer.state_machine import StateMachine
 
 D, A, BA, BL, W = State
