@@ -1,4 +1,4 @@
-"""`swarmer report RUN...`: one HTML file about runs."""
+"""`swarmer report RUN...`: one HTML file about runs, or about a sweep."""
 
 from __future__ import annotations
 
@@ -21,11 +21,15 @@ def command(runs: tuple[Path, ...], out: Path | None) -> None:
     numbers, settings, how to reproduce it. It needs no network.
 
     Several runs are compared: those that differ in nothing but their seed are drawn as their mean with its 95 %
-    interval. Works on a run that was killed, too: it shows what is whole and names the rest. Beside the report of a run
-    made with --trace it writes cause.html: why HD rose, and the story of any FLS. The last line of stdout is the
-    report's path.
+    interval. The directory of a sweep gives a report over its cells. Works on a run that was killed, too: it shows what
+    is whole and names the rest. Beside the report of a run made with --trace it writes cause.html: why HD rose, and the
+    story of any FLS. The last line of stdout is the report's path.
     """
     with ends_at_once():
+        from swarmer.experiments.sweep_report import is_sweep, write_sweep_report
         from swarmer.observe.report import write_report
 
-    click.echo(str(write_report(list(runs), out)))
+    if len(runs) == 1 and is_sweep(runs[0]):
+        click.echo(str(write_sweep_report(runs[0], out)))
+    else:
+        click.echo(str(write_report(list(runs), out)))

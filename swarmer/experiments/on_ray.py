@@ -9,7 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Self
 
-from swarmer.engines.ray_session import Node, check_versions, nodes, on_node, session
+from swarmer.engines.ray_session import LOCAL, Node, check_versions, nodes, on_node, session
 from swarmer.errors import BadInput, RunFailed, SwarmerError
 from swarmer.experiments import dispatch, errand
 from swarmer.experiments.dispatch import Lost
@@ -35,7 +35,7 @@ class OnRay:
     def __enter__(self) -> Self:
         with contextlib.ExitStack() as stack:
             ray = stack.enter_context(session(self._address, self._cores))
-            self._crew = RayCrew(ray, self._cores)
+            self._crew = RayCrew(ray, self._cores, self._address == LOCAL)
             self._stack = stack.pop_all()
         return self
 
@@ -69,8 +69,9 @@ class OnRay:
 class RayCrew:
     """What `dispatch` needs, by Ray's tasks."""
 
-    def __init__(self, ray: ModuleType, cores: int | None) -> None:
-        self._ray, self._cores = ray, cores
+    def __init__(self, ray: ModuleType, cores: int | None, ours: bool) -> None:
+        """ours: it was started here, so there is nothing to find out."""
+        self._ray, self._cores, self._ours = ray, cores, ours
         self._do = ray.remote(max_retries=0)(errand.do)
         self._known: set[str] = set()  # the nodes that have what we have
         self._begun: dict[Any, Node] = {}
@@ -80,7 +81,7 @@ class RayCrew:
         """See Crew. Raises BadInput for one with another Python, Ray or swarmer."""
         with self._whole():
             there = nodes(self._ray)
-        fresh = [node for node in there if node.id not in self._known]
+        fresh = [] if self._ours else [node for node in there if node.id not in self._known]
         if fresh:
             check_versions(self._ray, fresh)
             self._known |= {node.id for node in fresh}

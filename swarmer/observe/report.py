@@ -86,8 +86,8 @@ def write_report(paths: list[Path], out: Path | None = None) -> Path:
     runs = [load(path) for path in paths]
     if out is None:
         out = paths[0] / REPORT if len(paths) == 1 else Path(REPORT)
-    _refuse_foreign(out)
-    cause = [write_cause(runs[0], out, _refuse_foreign)] if len(runs) == 1 else []
+    refuse_foreign(out)
+    cause = [write_cause(runs[0], out, refuse_foreign)] if len(runs) == 1 else []
     write_text(out, make_report(runs, cause))
     return out
 
@@ -146,7 +146,8 @@ def derived_summary(run: SavedRun) -> dict[str, Any]:
     return make_summary(progress, result, run.shape, points, seed, len(timeline.truth))
 
 
-def _refuse_foreign(out: Path) -> None:
+def refuse_foreign(out: Path) -> None:
+    """Raises BadInput if a file is there that is no report."""
     if out.is_dir():
         raise BadInput("out", str(out), "a file name; it is a directory")
     if not out.exists():
