@@ -1,6 +1,7 @@
 """What holds for all tests: hypothesis draws the same examples in every run, unless fresh ones are asked for.
 
-Tests of pages that were skipped for want of a browser are told in capitals at the end.
+Tests of pages that were skipped for want of a browser are told in capitals at the end, and so are those of runs over
+several hosts, for want of the privilege to make network namespaces.
 """
 
 import os
@@ -43,8 +44,9 @@ def pytest_addoption(parser):
 
 
 def pytest_terminal_summary(terminalreporter):
-    skipped = [report for report in terminalreporter.stats.get("skipped", ()) if "web" in report.keywords]
-    if skipped:
-        reasons = {report.longrepr[2].removeprefix("Skipped: ") for report in skipped}
-        terminalreporter.section("PAGES WERE NOT TESTED", red=True, bold=True)
-        terminalreporter.line(f"{len(skipped)} TESTS WERE SKIPPED: {'; '.join(sorted(reasons))}", red=True)
+    for word, title in (("web", "PAGES WERE NOT TESTED"), ("namespaces", "RUNS OVER HOSTS WERE NOT TESTED")):
+        skipped = [report for report in terminalreporter.stats.get("skipped", ()) if word in report.keywords]
+        if skipped:
+            reasons = {report.longrepr[2].removeprefix("Skipped: ") for report in skipped}
+            terminalreporter.section(title, red=True, bold=True)
+            terminalreporter.line(f"{len(skipped)} TESTS WERE SKIPPED: {'; '.join(sorted(reasons))}", red=True)
