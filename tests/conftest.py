@@ -49,4 +49,6 @@ def pytest_terminal_summary(terminalreporter):
         if skipped:
             reasons = {report.longrepr[2].removeprefix("Skipped: ") for report in skipped}
             terminalreporter.section(title, red=True, bold=True)
-            terminalreporter.line(f"{len(skipped)} TESTS WERE SKIPPED: {'; '.join(sorted(reasons))}", red=True)
+            terminalreporter.line(
+                f"{len(skipped)} TESTS WERE SKIPPED: {'; '.join(sorted(reasons))}", red=True
+            )
