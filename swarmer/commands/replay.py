@@ -73,6 +73,7 @@ def _play_in_terminal(run: Path, speed: float) -> None:
     import sys
 
     from swarmer.errors import BadInput
+    from swarmer.observe.report_drawing import clock_of
     from swarmer.observe.saved_run import load
     from swarmer.observe.terminal_player import play, stills
     from swarmer.observe.terminal_screen import Screen
@@ -84,11 +85,12 @@ def _play_in_terminal(run: Path, speed: float) -> None:
             click.echo(f"note: {line}", err=True)
     if saved.timeline is None or not len(saved.timeline.t_s):
         raise BadInput("run", str(run), "it has no timeline that can be read" + _instead(saved, "--web"))
+    unit = clock_of(saved)
     if not sys.stdout.isatty() or os.environ.get("TERM", "dumb") == "dumb":
-        stills(saved.timeline, sys.stdout, Means(braille=means_of(sys.stdout).braille))
+        stills(saved.timeline, sys.stdout, Means(braille=means_of(sys.stdout).braille), unit=unit)
         return
     with Screen.standard() as screen:
-        play(saved.timeline, screen, speed, means_of(sys.stdout), f"{saved.name}: {saved.shape}")
+        play(saved.timeline, screen, speed, means_of(sys.stdout), f"{saved.name}: {saved.shape}", unit=unit)
 
 
 def _instead(saved: SavedRun, way: str) -> str:

@@ -150,6 +150,8 @@ def refuse_foreign(out: Path) -> None:
     """Raises BadInput if a file is there that is no report."""
     if out.is_dir():
         raise BadInput("out", str(out), "a file name; it is a directory")
+    if not out.parent.is_dir():
+        raise BadInput("out", str(out), "a file in a directory that is there")
     if not out.exists():
         return
     with out.open("rb") as file:

@@ -263,7 +263,10 @@ def _events(run: SavedRun, path: Path) -> list[Event]:
     """Every whole line; a last line without its end is dropped."""
     events, bad = [], 0
     with path.open(newline="", encoding="utf-8", errors="replace") as file:
-        for cells in list(csv.reader(file))[1:]:
+        lines = list(csv.reader(file))
+        if not lines:
+            raise ValueError("it is empty, without its line of titles")
+        for cells in lines[1:]:
             try:
                 t_s, kind, fid, text = cells
                 event = Event(float(t_s), kind, int(fid), text)

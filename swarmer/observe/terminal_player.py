@@ -8,6 +8,7 @@ from typing import TextIO
 
 import numpy as np
 
+from swarmer.observe.report_drawing import SECONDS, Clock
 from swarmer.observe.saved_run import SavedTimeline
 from swarmer.observe.terminal_screen import CLOSED, Screen
 from swarmer.observe.terminal_view import Means, Moment, Stage
@@ -109,17 +110,19 @@ def play(
     means: Means,
     title: str = "",
     clock: Callable[[], float] = time.monotonic,
+    unit: Clock = SECONDS,
 ) -> None:
     """Play until a key ends it; where no key can come, to the end and a moment longer.
 
-    screen: taken already. speed: emulated seconds per second. A slow line gets fewer frames, never an older one.
+    screen: taken already. speed: emulated seconds per second. unit: what the run counts. A
+    slow line gets fewer frames, never an older one.
     """
     player, stage, drawn = Player(timeline, speed), None, None
     before, help_line = clock(), HELP if means.braille else PLAIN_HELP
     while True:
         size = screen.size()
         if stage is None or stage.size != size:
-            stage, screen.fresh = Stage(timeline, size, means, title), True
+            stage, screen.fresh = Stage(timeline, size, means, title, unit), True
         moment = player.moment()
         if screen.fresh or moment != drawn:
             try:
@@ -138,11 +141,18 @@ def play(
         before = now
 
 
-def stills(timeline: SavedTimeline, out: TextIO, means: Means, columns: int = 72, rows: int = 20) -> None:
+def stills(
+    timeline: SavedTimeline,
+    out: TextIO,
+    means: Means,
+    columns: int = 72,
+    rows: int = 20,
+    unit: Clock = SECONDS,
+) -> None:
     """A few frames one below the other: for a file or a pipe."""
-    stage = Stage(timeline, (columns, rows + 7), means)
+    stage = Stage(timeline, (columns, rows + 7), means, unit=unit)
     last = len(timeline.t_s) - 1
     for at in dict.fromkeys(round(last * i / (STILLS - 1)) for i in range(STILLS)):
-        lines = [*stage.picture(Moment(at)), f"{timeline.t_s[at]:6.1f} s   {stage.facts(at)}"]
+        lines = [*stage.picture(Moment(at)), f"{unit.say(timeline.t_s[at]):>8}   {stage.facts(at)}"]
         out.write("\n".join(lines) + "\n\n")
     out.write("\n".join(stage.curves(last)) + "\n")

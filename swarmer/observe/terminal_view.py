@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from swarmer.errors import shown
 from swarmer.observe.palette import Palette
+from swarmer.observe.report_drawing import SECONDS, Clock
 from swarmer.observe.saved_run import SavedTimeline
 from swarmer.observe.words import DOTS, braille_curve, cells, swarms
 from swarmer.shapes.cloud import UP_AXIS
@@ -65,10 +66,19 @@ class Moment(NamedTuple):
 class Stage:
     """A fixed window on the display: every picture of a run has the same place and scale."""
 
-    def __init__(self, timeline: SavedTimeline, size: tuple[int, int], means: Means, title: str = "") -> None:
-        """size: columns and rows of all that is drawn. title: any text; what does not print is left out."""
-        self.timeline, self.size, self._means = timeline, size, means
-        truth = timeline.truth
+    def __init__(
+        self,
+        timeline: SavedTimeline,
+        size: tuple[int, int],
+        means: Means,
+        title: str = "",
+        unit: Clock = SECONDS,
+    ) -> None:
+        """size: columns and rows of all that is drawn. title: any text; what does not print is left out. unit: what
+        the run counts its time in.
+        """
+        self.timeline, self.size, self._means, self._unit = timeline, size, means, unit
+        truth = np.concatenate([shape.truth[shape.member] for shape in timeline.standings()])
         self._title = shown(title).strip("'\"")
         self._dim = 2 if np.ptp(truth[:, 2]) == 0 else 3
         self._centre = (truth.min(axis=0) + truth.max(axis=0)) / 2
@@ -77,7 +87,7 @@ class Stage:
             float(np.linalg.norm(around, axis=1).max()), 0.5
         )  # from the axis it turns about
         self._height = MARGIN * float(np.ptp(truth[:, UP_AXIS])) / 2
-        self._palette = Palette(len(truth))
+        self._palette = Palette(len(timeline.truth))
         self._swarms = timeline.swarms()
         columns, rows = size
         self._curve_rows = CURVE_ROWS if rows >= 14 and columns >= FEWEST[0] else 0
@@ -144,7 +154,8 @@ class Stage:
         """Where in time the moment is."""
         t_s = self.timeline.t_s
         state = ("||" if moment.paused else "> ") + (f" x{moment.speed:g}" if moment.speed != 1 else "")
-        tail = f" {t_s[moment.at]:.1f} of {t_s[-1]:.1f} s {state}"
+        now, end = (f"{t_s[at]:.{self._unit.digits}f}" for at in (moment.at, -1))
+        tail = f" {self._unit.words.replace('%', f'{now} of {end}')} {state}"
         room = max(0, self.columns - len(tail))
         span = max(float(t_s[-1] - t_s[0]), 1e-9)
         done = round(room * float(t_s[moment.at] - t_s[0]) / span)

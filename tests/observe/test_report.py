@@ -410,3 +410,24 @@ def test_a_run_that_said_nothing_has_no_radio_to_blame(finished_run):
     assert "Datagrams and bytes per second: no datagram was sent" in text
     run.timeline.series = {}
     assert "Datagrams and bytes per second: this engine has no radio" in make_report([run])
+
+
+def test_a_report_for_a_directory_that_is_not_there_is_refused(finished_run, tmp_path):
+    with pytest.raises(BadInput, match="a file in a directory that is there"):
+        write_report([finished_run], tmp_path / "none" / "report.html")
+
+
+def test_an_empty_list_of_events_is_told(finished_run, tmp_path):
+    run = shutil.copytree(finished_run, tmp_path / "run")
+    (run / "events.csv").write_text("")
+    assert "events.csv: cannot be read (it is empty, without its line of titles)" in load(run).missing
+
+
+def test_two_shapes_are_both_in_the_heading(finished_run):
+    run = load(finished_run)
+    run.summary |= {
+        "next_shape": "hat", "next_points": 60, "next_at_s": 8.0, "next_time_to_hd_s": {"1": 2.0, "0.1": None}
+    }  # fmt: skip
+    page = make_report([run])
+    assert ": 40 FLSs, then hat: 60 FLSs</h1>" in page
+    assert "<b class=''>2.0 s</b><span>from the change until HD &lt; 1 of hat</span>" in page

@@ -1,6 +1,7 @@
 """The terminal replay: keys, sizes, and a terminal that is left as it was, whatever ends it."""
 
 import fcntl
+import io
 import os
 import pty
 import re
@@ -12,10 +13,12 @@ import sys
 import termios
 import time
 
+import numpy as np
 import pytest
 
+from swarmer.observe.report_drawing import ROUNDS
 from swarmer.observe.saved_run import load
-from swarmer.observe.terminal_player import HELP, Player, play
+from swarmer.observe.terminal_player import HELP, Player, play, stills
 from swarmer.observe.terminal_screen import keys_in
 from swarmer.observe.terminal_view import CUBE, TRUE_COLOUR, Means, Moment, Stage
 
@@ -123,6 +126,29 @@ def test_a_title_with_codes_is_shown_as_text(finished_run):
     title = stage.frame(Moment(0))[0]
     assert title.isprintable()
     assert "<script>" in title
+
+
+def test_a_run_of_rounds_is_shown_in_rounds(finished_run):
+    timeline = load(finished_run).timeline
+    stage = Stage(timeline, (80, 24), Means(0), unit=ROUNDS)
+    assert any(f"round 0 of {timeline.t_s[-1]:.0f} >" in line for line in stage.frame(Moment(0)))
+    out = io.StringIO()
+    stills(timeline, out, Means(0), unit=ROUNDS)
+    assert " round 0   HD" in out.getvalue()
+    assert " s   HD" not in out.getvalue()
+
+
+def test_both_shapes_of_a_run_fit_in_the_picture(finished_run):
+    timeline = load(finished_run).timeline
+    centre = (timeline.truth.min(axis=0) + timeline.truth.max(axis=0)) / 2
+    large = centre + 3 * (timeline.truth - centre)
+    timeline.truth_at_s = np.array([0.0, timeline.t_s[5]])
+    timeline.truths = np.stack([timeline.truth, large])
+    timeline.position[5:] = large
+    wide = Stage(timeline, (80, 24), Means(0)).picture(Moment(6))
+    timeline.truth = large
+    timeline.truth_at_s = timeline.truths = None
+    assert wide == Stage(timeline, (80, 24), Means(0)).picture(Moment(6))
 
 
 def test_keys_change_what_is_seen(finished_run):

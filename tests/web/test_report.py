@@ -1,5 +1,7 @@
 """The report in a real browser: it draws, asks nobody, can be read by everybody, and used with the keyboard alone."""
 
+import json
+import shutil
 import subprocess
 import sys
 
@@ -106,6 +108,19 @@ def test_the_keyboard_reaches_everything(visit, report):
             reached.add(seen.page.evaluate("document.activeElement.dataset.tested ?? null"))
         assert {str(i) for i in wanted} <= reached
         assert wanted
+
+
+def test_a_name_without_end_moves_nothing_sideways(visit, run, tmp_path):
+    """A note of the report of two runs names their shapes in full."""
+    for i in range(2):
+        path = shutil.copytree(run, tmp_path / f"{i}{'x' * 100}")
+        summary = json.loads((path / "summary.json").read_text())
+        (path / "summary.json").write_text(json.dumps(summary | {"shape": str(i) + "x" * 200}))
+    out = tmp_path / "report.html"
+    command = [sys.executable, "-m", "swarmer", "report", *map(str, tmp_path.iterdir()), "--out", str(out)]
+    subprocess.run(command, check=True, capture_output=True, timeout=100)
+    with visit(out.as_uri(), viewport=PHONE) as seen:
+        assert seen.page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
 
 
 def test_on_a_phone_nothing_moves_sideways(visit, report):

@@ -187,7 +187,7 @@
     }
     const { fids, from, to } = choice, shown = talkOf(fids, from, to);
     const absent = fids.filter((fid) => !whole.has(fid));
-    let said = shown.length ? `${shown.length} events of FLS ${fids.join(", ")} and of those it talked with`
+    let said = shown.length ? `${shown.length} event${shown.length === 1 ? "" : "s"} of FLS ${fids.join(", ")} and of those it talked with`
       : `Nothing of FLS ${fids.join(", ")} in these seconds`;
     if (shown.length > MOST_ROWS) said += `; the first ${MOST_ROWS} are shown`;
     if (absent.length) said += `. This page does not hold the whole life of FLS ${absent.join(", ")}`;
