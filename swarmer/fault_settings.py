@@ -46,6 +46,17 @@ def schedule_of(config: RunConfig, points: NDArray[np.float64]) -> Schedule:
     return from_data(data, len(points), points.tolist(), config.seed)
 
 
+def too_late(schedule: Schedule, duration_s: float) -> list[str]:
+    """A line if some faults can never begin: the run has ended by then, or all is well."""
+    last_s = duration_s if schedule.calm_s is None else min(duration_s, schedule.calm_s)
+    late = [fault.at_s for fault in schedule.faults if fault.at_s >= last_s]
+    if not late:
+        return []
+    why = "the end of the run" if last_s == duration_s else "the calm"
+    many = f"{len(late)} of {len(schedule.faults)} faults never"
+    return [f"faults: {many} begin: {why} comes at {last_s:g} s, the first of them would at {min(late):g} s"]
+
+
 def _read(name: str, calm: float | None) -> tuple[list[Any], float | None]:
     """The faults and the calm of a file."""
     found = read_mapping(Path(name))

@@ -81,7 +81,10 @@ def plan_next(config: RunConfig, first: PointCloud) -> NextShape:
     then = config.transition
     assert then.shape is not None
     assert then.at_s is not None
-    cloud = load_shape(then.shape, then.points, config.duplicates, config.seed)
+    try:
+        cloud = load_shape(then.shape, then.points, config.duplicates, config.seed)
+    except BadInput as error:  # which of the two shapes is wrong?
+        raise BadInput.saying(f"transition.{error}") from None
     pairs = assign(first.points, cloud.points)
     fids = np.zeros(len(cloud), np.int64)
     stay = np.flatnonzero(pairs.point_of >= 0)

@@ -7,7 +7,7 @@ import pytest
 
 from swarmer.config import load_config
 from swarmer.errors import BadInput
-from swarmer.fault_settings import draw_fault
+from swarmer.fault_settings import draw_fault, too_late
 from swarmer.faults import NO_FAULTS, WHAT, from_data
 from swarmer.plan import make_plan
 
@@ -126,3 +126,25 @@ def test_a_file_that_is_no_schedule(tmp_path, monkeypatch, text, line):
     with pytest.raises(BadInput) as caught:
         planned(**{"faults.file": "storm.yaml", "faults.calm_s": 2})
     assert str(caught.value).startswith(line)
+
+
+@pytest.mark.parametrize(
+    ("calm_s", "line"),
+    [
+        (
+            None,
+            "faults: 1 of 2 faults never begin: the end of the run comes at 60 s, the first of them would at 60 s",
+        ),
+        (2.0, "faults: 2 of 2 faults never begin: the calm comes at 2 s, the first of them would at 2 s"),
+        (2.5, "faults: 1 of 2 faults never begin: the calm comes at 2.5 s, the first of them would at 60 s"),
+    ],
+)
+def test_faults_that_come_too_late_are_told(calm_s, line):
+    plan = planned(**{"faults.schedule": [KILL, {**KILL, "at": 60}], "faults.calm_s": calm_s})
+    assert too_late(plan.faults, plan.config.duration_s) == [line]
+
+
+def test_no_word_of_faults_that_come_in_time():
+    plan = planned(**{"faults.schedule": [KILL], "faults.calm_s": 3.0})
+    assert too_late(plan.faults, plan.config.duration_s) == []
+    assert too_late(NO_FAULTS, 60.0) == []

@@ -137,6 +137,7 @@ def run(
     """
     with ends_at_once():
         from swarmer.engines.named import make_engine
+        from swarmer.fault_settings import too_late
         from swarmer.observe.collector import Collector
         from swarmer.observe.live import check_way
         from swarmer.observe.panel import Panel
@@ -165,7 +166,7 @@ def run(
         def begin() -> None:
             let_endings_come()
             tell_plan(plan)
-            for line in config.ignored(preset(source)):
+            for line in config.ignored(preset(source)) + too_late(plan.faults, plan.config.duration_s):
                 click.echo(f"note: {line}", err=True)
             tell_changed_shape(plan, source)
 

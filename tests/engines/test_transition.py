@@ -182,7 +182,8 @@ def test_standings_are_by_fid():
         ({"transition.shape": None}, "transition.shape"),
         ({"transition.at_s": 12.0}, "transition.at_s"),
         ({"epochs": False, "thaw.policy": "timer"}, "epochs"),
-        ({"transition.shape": "cubr"}, "cubr"),
+        ({"transition.shape": "cubr"}, "transition.shape: no 'cubr'"),
+        ({"transition.shape": "cat", "transition.points": 500}, "transition.points: 500"),
         ({"transition.points": 1}, "transition.points"),
     ],
 )

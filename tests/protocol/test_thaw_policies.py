@@ -195,15 +195,33 @@ def test_an_owner_that_has_joined_another_swarm_has_nobody_any_more():
 def test_the_owner_of_half_the_display_asks_who_is_missing():
     lone = given("A", thaws=roster(count=5))
     happen(lone, "COUNT 8 flew 1")
-    assert Timer.REPORT not in lone.armed, "two of five are not half"
+    assert lone.armed[Timer.REPORT] == pytest.approx(lone.now + LAMBDA_S), "two of five are not half"
     happen(lone, "COUNT 4 same flew 1")
     assert lone.armed[Timer.REPORT] == pytest.approx(lone.now + LAMBDA_S / 4)
     assert steps(lone, "report") == ["ROLL_CALL 1", "ROLL_CALL 2", "ROLL_CALL 3"]
     happen(lone, "COUNT 2 same flew 1")
     assert steps(lone, "report") == ["ROLL_CALL 1", "ROLL_CALL 3"]
-    steps(lone, "COUNT 1 same flew 1", "COUNT 3 same flew 1")
+    steps(lone, "COUNT 1 same flew 1")
     assert thawed(lone)
     assert Timer.REPORT not in lone.armed
+
+
+def test_the_owner_of_less_than_half_asks_when_it_has_heard_of_nobody_for_a_while():
+    """Or where half of the reports are lost, none would ever ask."""
+    lone = given("A", thaws=roster(count=800))
+    for fid in range(6, 104):
+        hear(lone, lone.message("COUNT 8")._replace(sender=fid))
+    assert Timer.REPORT not in lone.armed, "99 of 800 are less than an eighth"
+    hear(lone, lone.message("COUNT 8")._replace(sender=104))
+    assert lone.armed[Timer.REPORT] == pytest.approx(lone.now + LAMBDA_S)
+    lone.later(0.6 * LAMBDA_S)
+    hear(lone, lone.message("COUNT 8")._replace(sender=105))
+    heard_s = lone.now
+    assert steps(lone, "report") == [], "its swarm grows still"
+    assert lone.armed[Timer.REPORT] == pytest.approx(heard_s + LAMBDA_S)
+    assert len(steps(lone, "report")) == 100
+    assert lone.armed[Timer.REPORT] == pytest.approx(lone.now + LAMBDA_S), "and not every λ/4"
+    assert lone.armed[Timer.THAW] >= 4 * H_S, "it has not the clock of the policy timer"
 
 
 def test_a_round_of_questions_is_bounded():
