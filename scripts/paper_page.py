@@ -168,7 +168,7 @@ def _paper(claim: Claim | Order) -> tuple[str, str]:
 
 
 def _plain(value: float) -> str:
-    return f"{value:,.0f}" if value >= 1000 else f"{value:g}"
+    return f"{value:,.0f}" if value >= 1000 else f"{value:.3g}"
 
 
 def _ours(found: Found | None) -> tuple[str, str]:

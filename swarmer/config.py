@@ -60,8 +60,9 @@ NEED_EPOCHS = (
 HEEDED_IN_ROUNDS = (
     "shape", "points", "engine", "seed", "until_hd_cells", "time_scale", "epsilon_deg", "eta", "m", "technique",
     "neighbours", "duplicates", "flight.dead_reckoning", "flight.cell_m", "deploy.start", "deploy.dispatchers",
-    "recording.enabled",
+    "recording.enabled", "oracle.count",
 )  # fmt: skip
+OF_ORACLES = ("flight_threshold_cells",)  # heeded in rounds, too, where there are any
 GAP_MS, BATTERY_S = 1.0, 0.1  # less makes storms of events in which emulated time stands still
 OFTEN = 600_000  # ms: the longest pause that makes sense
 
@@ -260,9 +261,8 @@ class RunConfig(Group):
             and not (self.engine == "cluster" and fact.only == "process")
         ]
         if self.engine == "rounds":
-            of_protocol = [
-                fact.name for fact in changed if not fact.only and fact.name not in HEEDED_IN_ROUNDS
-            ]
+            heeded = HEEDED_IN_ROUNDS + (OF_ORACLES if self.oracle.count else ())
+            of_protocol = [fact.name for fact in changed if not fact.only and fact.name not in heeded]
             if of_protocol:
                 names = ", ".join(of_protocol)
                 lines.append(f"{names}: no effect with the engine rounds, which plays no protocol")

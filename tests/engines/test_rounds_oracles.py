@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from rounds_runs import plan_of, play
 
+from swarmer.config import load_config
 from swarmer.engines.rounds_world import World
 from swarmer.errors import BadInput
 from swarmer.observe.summary import make_summary
@@ -70,3 +71,10 @@ def test_a_technique_without_swarms_has_no_use_for_oracles(technique):
     with pytest.raises(BadInput) as refused:
         plan_of(shape="butterfly", points=None, technique=technique, **{"oracle.count": 1})
     assert f"oracle.count: 1 is not allowed; 0, for technique {technique} has no swarms" in str(refused.value)
+
+
+def test_what_has_an_effect_is_not_said_to_have_none():
+    settings = {"engine": "rounds", "flight_threshold_cells": 0.01}
+    assert load_config(None, (), **settings, **{"oracle.count": 1}).ignored() == []
+    [line] = load_config(None, (), **settings).ignored()
+    assert line.startswith("flight_threshold_cells: no effect with the engine rounds")
