@@ -26,6 +26,7 @@ TABLES = {
     "hausdorff": ("bench.hausdorff:run", 3),
     "launch": ("bench.launch:run", 1),
     "loops": ("bench.loops:run", 1),
+    "cluster": ("bench.cluster:run", 1),
     "shapes": ("bench.full_runs:shapes", 1),
     "authors": ("bench.full_runs:authors", 1),
 }

@@ -68,6 +68,7 @@ class Dispatcher:
         self.hand = Hand(self.run.faults, self.run.seed, self.pids, self.shared.directory(), self._tell_turn)
         self.watch = Watch(self.run.hang_s, self.pids)
         self._libc = ctypes.CDLL(None, use_errno=True)
+        self._pid = os.getpid()
         self._wake_r, self._wake_w = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._words_r, self._words_w = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)  # the last words of an FLS
         signal.signal(signal.SIGCHLD, lambda *_: None)
@@ -178,6 +179,8 @@ class Dispatcher:
         status = 1
         try:
             self._libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+            if os.getppid() != self._pid:  # it was gone before it could be followed
+                return
             signal.set_wakeup_fd(-1)
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             signal.signal(signal.SIGTERM, signal.SIG_DFL)

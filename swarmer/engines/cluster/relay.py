@@ -99,6 +99,7 @@ class Relay:
         self._directory = np.frombuffer(shared.map, np.uint32, setup.flss, shared.directory_at)
         self._outside, self._inside = outside, inside
         self._size = MAX_SIZE if setup.mac else SIZE
+        self._full = fits(self._size)
         self._peers: dict[int, Peer] = {}
         self._host_of: list[int] = []
         self._window = ReplayWindow(WINDOW)
@@ -171,7 +172,15 @@ class Relay:
             due = monotonic() + setup.delay_s / self.clock.scale
             heapq.heappush(self._late, (due, self._order, host, data))
         else:
-            self._peers[host].waiting.append(data)
+            peer = self._peers[host]
+            peer.waiting.append(data)
+            if len(peer.waiting) >= self._full:  # on its way while the next ones are looked at
+                self._send_waiting(peer)
+
+    def _send_waiting(self, peer: Peer) -> None:
+        self.counts["crossed"] += len(peer.waiting)
+        self._send(peer, What.DATAGRAMS, peer.waiting, self._size)
+        peer.waiting = []
 
     def flush(self) -> None:
         """Send what waits."""
@@ -186,9 +195,7 @@ class Relay:
             self._tell_swarms(now)
         for peer in self._peers.values():
             if peer.waiting:
-                self.counts["crossed"] += len(peer.waiting)
-                self._send(peer, What.DATAGRAMS, peer.waiting, self._size)
-                peer.waiting = []
+                self._send_waiting(peer)
 
     def due_s(self) -> float:
         """Wall seconds until something is due by itself."""
