@@ -10,7 +10,6 @@ import os
 import shutil
 import socket
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -95,15 +94,3 @@ def free_port(first: int = GRPC_PORT) -> int:
                 continue
             return int(probe.getsockname()[1])
     raise RunFailed(f"no free TCP port on {HOST}")
-
-
-def answers(port: int, wait_s: float = 10.0) -> bool:
-    """True as soon as something listens on the port, False if nothing does for so long."""
-    end = time.monotonic() + wait_s
-    while time.monotonic() < end:
-        with socket.socket() as probe:
-            probe.settimeout(1.0)
-            if probe.connect_ex((HOST, port)) == 0:
-                return True
-        time.sleep(0.1)
-    return False
