@@ -98,12 +98,13 @@ def test_my_technique_is_compared_with_others(site, tmp_path):
     """By default in rounds, with a confidence interval, and on the same seeds."""
     code = "from swarmer import cli; import sys; sys.argv[0] = 'swarmer'; cli.main()"
     done = subprocess.run(
-        [sys.executable, "-c", code, "compare", "--technique", "signal_strength,damped", "--shape", "sphere",
+        [sys.executable, "-c", code, "compare", "--technique", "damped", "--shape", "sphere",
          "--points", "20", "--rounds", "20", "--seeds", "6", "--jobs", "1", "--out", "o"],
         cwd=tmp_path, capture_output=True, text=True, timeout=250,
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(site), *filter(None, sys.path)])},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert "damped" in done.stdout
+    rows = [line.split()[0] for line in done.stdout.splitlines()[1:6]]
+    assert rows == ["signal_strength", "dead_reckoning", "triangulation", "trilateration", "damped"]
     assert "rounds to HD < 0.09" in done.stdout
     assert "effect" in done.stdout
