@@ -25,6 +25,7 @@ TABLES = {
     "rounds": ("bench.rounds:run", 1),
     "hausdorff": ("bench.hausdorff:run", 3),
     "launch": ("bench.launch:run", 1),
+    "sweep": ("bench.sweep:run", 1),
     "loops": ("bench.loops:run", 1),
     "cluster": ("bench.cluster:run", 1),
     "shapes": ("bench.full_runs:shapes", 1),

@@ -31,6 +31,9 @@ MANY_LISTED = 100_000  # so are more than these with --dry-run
 @click.option("--jobs", type=click.IntRange(1, 1024), metavar="N", help="Runs at a time. [default: one for each core]")  # fmt: skip
 @click.option("--ray", metavar="[ADDRESS]", is_flag=False, flag_value=LOCAL, help="Make the runs on Ray: one started here, or that at ADDRESS, HOST:PORT, or auto for the one this machine is part of.")  # fmt: skip
 @click.option("--seeds", metavar="N|LIST", help="In place of the file's: a count, or numbers with commas between, as 3,7.")  # fmt: skip
+@click.option(
+    "--small", is_flag=True, help="The small version that the file has of the experiment, for a laptop."
+)
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="A setting of every run, in place of the file's base; may be repeated.")  # fmt: skip
 @click.option("--dry-run", is_flag=True, help="List the runs, one a line, and make none.")
 @click.option("--yes", is_flag=True, help=f"Go on even if these are more than {MANY} runs.")
@@ -40,6 +43,7 @@ def command(
     jobs: int | None,
     ray: str | None,
     seeds: str | None,
+    small: bool,
     overrides: tuple[str, ...],
     dry_run: bool,
     yes: bool,
@@ -56,7 +60,7 @@ def command(
         from swarmer.experiments.sweep_directory import home_of
 
         directory = directory_named(out)
-        experiment = read_experiment(file, overrides, seeds)
+        experiment = read_experiment(file, overrides, seeds, small)
         experiment, home = home_of(experiment, find_experiment(file))
         most = MANY_LISTED if dry_run else MANY
         if size(experiment) > most and not yes:

@@ -23,7 +23,8 @@ from swarmer.yaml_file import read_mapping
 
 LIST, NEEDS = "list", "needs"
 PARTS = ("base", "grid", LIST, *KINDS, "seeds", NEEDS)
-BLOCKS = "blocks"
+BLOCKS, SMALL = "blocks", "small"
+SMALL_PARTS = ("base", "grid", "seeds", BLOCKS)
 SEED = "seed"
 SEEDS_MAX = 100_000  # in one block
 QUIET = {
@@ -86,15 +87,43 @@ def find_experiment(name: str) -> Path:
     )
 
 
-def read_experiment(name: str, overrides: Iterable[str] = (), seeds: str | None = None) -> Experiment:
+def read_experiment(
+    name: str, overrides: Iterable[str] = (), seeds: str | None = None, small: bool = False
+) -> Experiment:
     """Read an experiment by name or path.
 
-    overrides: texts `a.b=value` that every run gets in place of what the file has. seeds: a count, or numbers with
-    commas between, in place of the file's. Raises BadInput with a line for each thing that is wrong.
+    small: the version that the file's part `small` makes of it, for a laptop. overrides: texts `a.b=value` that every
+    run gets in place of what the file has. seeds: a count, or numbers with commas between, in place of the file's.
+    Raises BadInput with a line for each thing that is wrong.
     """
     path = find_experiment(name)
     reader = _Reader(path, name if path == Path(name) else path.name)
-    return reader.experiment(read_mapping(path), list(overrides), seeds_asked(seeds))
+    whole = read_mapping(path)
+    if small:
+        whole = made_small(whole, reader.file)
+    experiment = reader.experiment(whole, list(overrides), seeds_asked(seeds))
+    return replace(experiment, name=f"{experiment.name}-{SMALL}") if small else experiment
+
+
+def made_small(whole: Mapping[str, Any], file: str) -> dict[str, Any]:
+    """An experiment with what its part `small` says: settings and values of its own, other seeds, other blocks.
+
+    Raises BadInput where there is no such part.
+    """
+    less, parts = whole.get(SMALL), ", ".join(SMALL_PARTS)
+    if not isinstance(less, dict):
+        raise BadInput.saying(f"{file}: {SMALL}: {shown(less)} is not a mapping with {parts}")
+    for name in less:
+        if name not in SMALL_PARTS:
+            hint = did_you_mean(str(name), SMALL_PARTS)
+            raise BadInput.saying(
+                f"{file}: {SMALL}: {shown(name)[1:-1]}: no such part;{hint} there are {parts}"
+            )
+    merged = dict(whole) | {name: less[name] for name in ("seeds", BLOCKS) if name in less}
+    for part in ("base", "grid"):
+        if isinstance(less.get(part), dict) and isinstance(whole.get(part) or {}, dict):
+            merged[part] = (whole.get(part) or {}) | less[part]
+    return merged
 
 
 def experiment_of(
@@ -174,7 +203,7 @@ class _Reader:
         if all(value is None for value in whole.values()):
             raise BadInput.saying(f"{self.file}: is empty; an experiment has {', '.join((*PARTS, BLOCKS))}")
         entries = self._blocks(whole.pop(BLOCKS, None))
-        self._check_parts(whole, "", (*PARTS, BLOCKS))
+        self._check_parts(whole, "", (*PARTS, BLOCKS, SMALL))
         below, all_say = self._base(whole.get("base"), "base")
         base = below | QUIET | all_say
         common = _Common(

@@ -23,6 +23,7 @@ PROCESS_MB = 110  # Python and the libraries
 MB_PER_FLS = {"virtual": 0.04, "rounds": 0.002, "process": MEMORY_MB_PER_FLS}
 SAMPLE_MB = 60e-6  # of the timeline, per FLS and sample, when it is written
 RECORDING_MB = 150
+OF_PROCESSES = ("process", "cluster")  # engines whose FLSs are processes
 
 
 class Needs(NamedTuple):

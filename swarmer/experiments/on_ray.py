@@ -44,6 +44,10 @@ class OnRay:
 
     def at_once(self, runs: list[Run]) -> int:
         """See sweep.Place. Raises BadInput if a node is another world, or a run has room on none."""
+        if any(run.config.engine == "cluster" for run in runs):
+            raise BadInput.saying(
+                "--ray: a run of the engine cluster takes hosts from Ray by itself; sweep it without --ray"
+            )
         there = self._crew.nodes()
         if not there:
             raise BadInput.saying("--ray: too few slots: no node of the cluster has a core")

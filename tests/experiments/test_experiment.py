@@ -219,6 +219,45 @@ def test_bad_options_are_refused_on_one_line(options, line, write, monkeypatch, 
     assert line in refused(monkeypatch, capsys, write(SMALL + "grid: {eta: [2, 3]}"), *options)
 
 
+LESS = """
+grid: {eta: [2, 3], lambda_ms: [100, 200]}
+seeds: 20
+small: {base: {duration_s: 0.5}, grid: {eta: [3]}, seeds: 2}
+"""
+
+
+def test_the_small_version_has_its_own_base_values_and_seeds(write):
+    file = write(SMALL + LESS)
+    assert size(read_experiment(str(file))) == 80
+    small = read_experiment(str(file), small=True)
+    assert small.name == "x-small"
+    runs = expand(small)
+    assert [run.path.as_posix() for run in runs] == [
+        f"eta=3,lambda_ms={ms}/seed-{seed}" for ms in (100, 200) for seed in (1, 2)
+    ]
+    assert {run.config.duration_s for run in runs} == {0.5}
+    assert len(expand(read_experiment(str(file), [], "7,", small=True))) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("", "x.yaml: small: None is not a mapping with base, grid, seeds, blocks"),
+        ("small: {seds: 3}", "x.yaml: small: seds: no such part; did you mean 'seeds'?"),
+        ("small: {base: {eta: 0}}", "x.yaml: base: eta: 0 is out of range"),
+    ],
+)
+def test_a_small_version_that_cannot_be_is_refused(text, line, write, monkeypatch, capsys):
+    assert line in refused(monkeypatch, capsys, write(SMALL + text), "--small")
+
+
+def test_every_emulation_of_the_paper_has_a_small_version():
+    for name in ("fig27_lambda_chess", "fig28_lambda_skateboard", "fig29_30_shapes", "fig31_loss",
+                 "fig32_failures_chess", "fig33_failures_skateboard", "speed", "table2_metrics"):  # fmt: skip
+        small = expand(read_experiment(name, small=True))
+        assert len(small) < len(expand(read_experiment(name))) / 5
+
+
 def test_a_name_that_nearly_ships_is_told(monkeypatch, capsys):
     assert "did you mean 'thaw_policies'?" in refused(monkeypatch, capsys, "thaw_policy")
 
