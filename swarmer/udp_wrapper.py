@@ -186,7 +186,7 @@ class RelayedUdpWrapper(UdpWrapper):
     def tune(self, ears: Ears) -> None:
         """As everywhere; the relay tells the other hosts whom to send what is for this swarm."""
         super().tune(ears)
-        self._to_relay(RETUNED)
+        self._to_relay(NEW_SWARM)
 
     def send(self, data: bytes, message: Message) -> bool:
         """As everywhere."""
@@ -215,7 +215,7 @@ class RelayedUdpWrapper(UdpWrapper):
 
 
 ELSEWHERE = 0xFFFFFFFF  # in the directory, in place of a Swarm-ID
-RETUNED = b"T"  # to the relay
+NEW_SWARM = b"T"  # to the relay
 NO_ROOM = frozenset((errno.ENOMEM, errno.ENOBUFS, errno.EAGAIN, errno.ECONNREFUSED, errno.EPERM))
 
 

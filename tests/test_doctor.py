@@ -41,6 +41,20 @@ def test_json_is_one_object_with_everything():
     assert found["trial"] is None
 
 
+def test_it_tells_how_other_hosts_are_reached(monkeypatch):
+    monkeypatch.setattr(doctor.shutil, "which", lambda name: f"/bin/{name}")
+    assert doctor.other_hosts().found.startswith("ssh")
+
+    def nothing(name):
+        raise doctor.PackageNotFoundError(name)
+
+    monkeypatch.setattr(doctor.shutil, "which", lambda _: None)
+    monkeypatch.setattr(doctor, "version", nothing)
+    assert doctor.other_hosts() == (
+        "ways to other hosts", "none", "", "install ssh, or: pip install 'swarmer[cluster]'",
+    )  # fmt: skip
+
+
 def test_what_is_too_little_for_the_dragon_ends_it_with_what_to_do(monkeypatch):
     monkeypatch.setattr(doctor, "read_number", lambda path: 500 if path.endswith("pid_max") else None)
     done = run("--quick")

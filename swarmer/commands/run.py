@@ -38,7 +38,7 @@ ANY_WIDTH = 1000  # where there is no terminal, a line stays one
 @click.option("--until-hd", "until_hd_cells", metavar="CELLS", help="End as soon as the Hausdorff distance is below this, display cells.")  # fmt: skip
 @click.option("--seed", metavar="N", help="Root of every random draw. [default: 1]")
 @click.option("--points", metavar="N", help="Sample exactly N points of the shape.")
-@click.option("--engine", metavar="NAME", help="What runs the FLSs: process (one OS process each, over UDP), virtual (one for all, in virtual time, repeatable) or rounds (no protocol, round by round, to a million points). [default: process]")  # fmt: skip
+@click.option("--engine", metavar="NAME", help="What runs the FLSs: process (one OS process each, over UDP), virtual (one for all, in virtual time, repeatable), rounds (no protocol, round by round, to a million points) or cluster (one OS process each, on many hosts). [default: process]")  # fmt: skip
 @click.option("--time-scale", metavar="X|auto", help="Emulated seconds per wall second, 0.001 to 10; auto is as fast as this machine stays faithful, at most 1. Not for virtual and rounds. [default: auto]")  # fmt: skip
 @click.option(
     "--config", metavar="FILE", help="Settings: a YAML file, or a preset: default, paper, authors_code."

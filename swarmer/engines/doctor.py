@@ -8,7 +8,9 @@ from __future__ import annotations
 import contextlib
 import os
 import platform
+import shutil
 import sys
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NamedTuple
 
@@ -34,8 +36,18 @@ def all_checks() -> list[Check]:
     return [
         system(), cores(), load(), memory(), processes(), open_files(), machine_files(),
         kernel_number("kernel.threads-max", MANY, DRAGON), kernel_number("kernel.pid_max", MANY, DRAGON),
-        container_processes(), *kernel_services.checks(),
+        container_processes(), *kernel_services.checks(), other_hosts(),
     ]  # fmt: skip
+
+
+def other_hosts() -> Check:
+    """What there is to reach other hosts with, for the engine cluster and for sweeps on Ray."""
+    ways = ["ssh"] if shutil.which("ssh") else []
+    with contextlib.suppress(PackageNotFoundError):
+        ways.append(f"Ray {version('ray')}")
+    if not ways:
+        return Check("ways to other hosts", "none", INFO, "install ssh, or: pip install 'swarmer[cluster]'")
+    return Check("ways to other hosts", ", ".join(ways), INFO)
 
 
 def is_linux() -> bool:

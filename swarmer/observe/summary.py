@@ -52,6 +52,17 @@ OF_SOME_ENGINES = (
     "distance_localizing_cells",
     "distance_swarm_cells",
     "fixes_failed",
+    "hosts",
+    "hosts_lost",
+    "relayed_datagrams",
+    "relay_packets",
+    "relay_bytes",
+    "relay_lost",
+    "relay_rejected",
+    "relay_late_ms",
+    "clock_bound_ms",
+    "clock_drift_ms",
+    "telemetry_bytes",
 )
 
 # What an engine without a clock, which counts rounds instead, does not have.

@@ -9,7 +9,7 @@ from swarmer.engines.cluster.batches import What, pack, unpack
 from swarmer.engines.cluster.relay import Lines, Relay, Setup, udp_socket
 from swarmer.messages import NO_SWARM, ZERO, Kind, Message, Stamp, Swarm, To, decode, encode
 from swarmer.telemetry import Clock, Phase, SharedMemory
-from swarmer.udp_wrapper import ELSEWHERE, HOME, RETUNED, Wires, address_of
+from swarmer.udp_wrapper import ELSEWHERE, HOME, NEW_SWARM, Wires, address_of
 
 KEY = b"r" * 16
 RUN = 9
@@ -169,7 +169,7 @@ def test_who_joins_a_swarm_hears_what_was_said_to_it_since(air):
     air.relays[0].take(data)
     air.relays[0].flush()
     air.memories[2].directory()[4] = 1  # FLS 5 has joined, and its host has not told yet
-    air.relays[2].take(RETUNED)
+    air.relays[2].take(NEW_SWARM)
     air.settle()
     assert air.heard() == {5: [data]}
     later = air.datagram(1, To.SWARM, Swarm(1, 0))
@@ -184,7 +184,7 @@ def test_what_was_said_long_before_is_not_said_again(air, monkeypatch):
     monkeypatch.setattr("swarmer.engines.cluster.relay.monotonic", lambda: now + 1.0)
     air.settle()
     air.memories[2].directory()[4] = 1
-    air.say(2, RETUNED)
+    air.say(2, NEW_SWARM)
     assert not air.heard()
 
 

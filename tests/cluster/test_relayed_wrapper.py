@@ -7,7 +7,7 @@ import pytest
 
 from swarmer.messages import NO_SWARM, Kind, Message, Swarm, To
 from swarmer.radio import Ears, Grid
-from swarmer.udp_wrapper import ELSEWHERE, HOME, RETUNED, RelayedUdpWrapper, Wires, address_of
+from swarmer.udp_wrapper import ELSEWHERE, HOME, NEW_SWARM, RelayedUdpWrapper, Wires, address_of
 
 GRID = Grid(256.0)
 NEAR, DISTANCES = (2, 3, 4), (1.0, 2.0, 9.0)  # of FLS 1; 4 and 5 are elsewhere
@@ -21,7 +21,7 @@ class Host:
         self.directory = array("I", [0, 2, 7, ELSEWHERE, ELSEWHERE])
         ears = Ears(1, 1, Swarm(1, 0), (0.0, 0.0, 0.0), frozenset({2}))
         self.wrapper = RelayedUdpWrapper(ears, self.directory, wires, GRID, NEAR, DISTANCES)
-        assert self.said() == {"relay": [RETUNED]}
+        assert self.said() == {"relay": [NEW_SWARM]}
 
     def send(self, to, addressee=NO_SWARM, kind=Kind.SET_AVAILABLE, reach=1e9):
         message = Message(
@@ -103,4 +103,4 @@ def test_who_comes_to_this_host_is_spoken_to_directly(host):
 
 def test_the_relay_is_told_of_another_swarm(host):
     host.wrapper.tune(host.wrapper.ears._replace(swarm=Swarm(7, 0)))
-    assert host.said() == {"relay": [RETUNED]}
+    assert host.said() == {"relay": [NEW_SWARM]}

@@ -39,7 +39,7 @@ from swarmer.metrics.lateness import BUCKETS, bucket
 from swarmer.radio import ReplayWindow
 from swarmer.streams import stream
 from swarmer.telemetry import Clock, SharedMemory
-from swarmer.udp_wrapper import BROADCAST, NO_ROOM, RETUNED, Wires, address_of
+from swarmer.udp_wrapper import BROADCAST, NEW_SWARM, NO_ROOM, Wires, address_of
 
 BURST = 256  # datagrams read before what they became is sent
 TELL_S = 0.25  # wall seconds from one list of all Swarm-IDs here to the next
@@ -134,7 +134,7 @@ class Relay:
 
     def take(self, data: bytes) -> None:
         """What an FLS of this host has sent."""
-        if data == RETUNED:
+        if data == NEW_SWARM:
             self._retuned = True
             return
         try:
