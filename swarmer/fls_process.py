@@ -285,7 +285,8 @@ class Fls(ChargedFls):
     def stamp(self, message: Message, sent_at: float) -> Stamp:
         """With what the kernel's filter computes with."""
         reach2 = self._grid.reach2(message.range) if message.kind == CHALLENGE_INIT else 0xFFFFFFFF
-        return Stamp(self.run.run, next(self._numbers), self.position(), sent_at, self._cell, reach2)
+        number = next(self._numbers) & 0xFFFFFFFF  # the window knows that they wrap
+        return Stamp(self.run.run, number, self.position(), sent_at, self._cell, reach2)
 
     def transmit(self, message: Message, stamp: Stamp, counts: Counters) -> None:
         """Pack it and send it."""

@@ -2,6 +2,7 @@
 
 import os
 import socket
+from itertools import count
 
 import pytest
 
@@ -10,9 +11,10 @@ from swarmer.fls import MEASURED, NEVER
 from swarmer.fls_loops import BURST, Ear
 from swarmer.fls_process import Fls, RunSpec
 from swarmer.fls_spec import FlsSpec
-from swarmer.messages import NO_SWARM, Kind, Message, Stamp, Swarm, To, encode
+from swarmer.messages import NO_SWARM, Kind, Message, Stamp, Swarm, To, decode, encode
 from swarmer.plan import make_velocity
 from swarmer.protocol.events import Due, Launch, Received, Timer
+from swarmer.radio import ReplayWindow
 from swarmer.rules import make_rules
 from swarmer.state_machine import State
 from swarmer.telemetry import NOTHING_LEFT, Began, Phase, Reader, SharedMemory, Thawed, Wire
@@ -136,6 +138,18 @@ def test_what_it_cannot_handle_in_time_stays_with_the_kernel(fls, monkeypatch):
             fls.step()
         ear.drain(fls.udp.unicast)
         assert fls.network_counts[Wire.DELIVERED] > waiting, "it reads on once there is room"
+
+
+def test_numbers_wrap_and_none_is_lost_or_taken_twice(fls):
+    fls._numbers = count(2**32 - 50)
+    message = Message(Kind.NEIGHBOUR, 3, 0, 0, Swarm(3, 0), 1, (5.0, 0.0, 0.0), To.FLS, Swarm(2, 0))
+    window, numbers = ReplayWindow(), []
+    for _ in range(100):
+        _, stamp = decode(encode(message, fls.stamp(message, 0.0)))
+        numbers.append(stamp.number)
+        assert window.fresh(3, 0, stamp.number)
+        assert not window.fresh(3, 0, stamp.number)
+    assert numbers == [*range(2**32 - 50, 2**32), *range(50)]
 
 
 def thawed(fls):
