@@ -31,7 +31,7 @@ from swarmer.metrics.intervals import NEVER, Interval, mean, median
 from swarmer.observe.saved_run import SavedRun, load
 from swarmer.plan import make_plan
 
-ENOUGH = 500  # joins
+ENOUGH, RUNS_LEAST = 500, 3  # joins; runs that have an interval
 EVERY_S, LONGEST_S = 0.5, 3600.0  # between two points of a curve; of a run
 LOSS, LAMBDA, RATE, POLICY, BURST = "radio.loss", "lambda_ms", "failure.rate", "thaw.policy", "radio.burst"
 ENDS = {"radio.loss_sender": "the sender", "radio.loss_receiver": "the receiver", LOSS: "both ends"}
@@ -107,7 +107,13 @@ def loss_map(cells: Cells) -> str:
 
 
 def _shown(rows: list[Row] | None) -> str:
-    return "–" if not rows else bounded(mean_hd(rows), lambda hd: f"{hd:.2g}")
+    if not rows:
+        return "–"
+    found = mean_hd(rows)
+    shown = (
+        found if found.n >= RUNS_LEAST else found._replace(low=math.nan, high=math.nan)
+    )  # of two it says nothing
+    return bounded(shown, lambda hd: f"{hd:.2g}")
 
 
 def draw_map(cells: Cells, sweep: Path, path: Path) -> None:
