@@ -122,6 +122,8 @@ class RayCrew:
             )
         except errors.RayTaskError as error:  # a fault of ours
             return Outcome("failed", f"on {node.name}: {_last_line(error)}")
+        except errors.WorkerCrashedError:
+            raise Lost(f"its worker on {node.name} was killed", machine_gone=False) from None
         except errors.RayError as error:
             raise Lost(f"{node.name} was lost ({type(error).__name__})") from None
         try:
