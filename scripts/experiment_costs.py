@@ -24,7 +24,7 @@ EXPERIMENTS = (
     "fig27_lambda_chess", "fig28_lambda_skateboard", "fig29_30_shapes", "fig31_loss", "fig32_failures_chess",
     "fig33_failures_skateboard", "speed",
 )  # fmt: skip
-"""Those of the paper's experiments that its emulator made, by the rules of its text; the others are rounds, seconds each."""
+"""Those that the paper made with its emulator, by the rules of its text; the others are rounds, seconds each."""
 MEASURED = ROOT / "scripts" / "paper" / "costs.csv"
 PAGE = ROOT / "docs" / "costs.md"
 CHECK = ROOT / "scripts" / "paper" / "costs_full_size.csv"  # a few cells with all their FLSs, for the law
@@ -186,9 +186,9 @@ Extrapolated:
 - **With processes.** With `--set engine=process` a run takes the emulated time itself, 1 to 2 minutes, and a machine of
   its own that keeps up: `swarmer doctor` tells which shapes that is. The paper had 6 to 16 servers of 448 cores in all.
 
-`table2_metrics` is not in the table. It stands on the rules of the authors' program (`authors_code`), under which frequent
-challenges become storms: at λ 50 ms a run of 200 FLSs had not reached its 20th second after half a core-minute, where one
-of `fig28_lambda_skateboard` takes some seconds. No law has it; its small version is a plane shape of 94 points.
+`table2_metrics` is not in the table. It stands on the rules of the authors' program (`authors_code`), under which
+frequent challenges become storms: at λ 50 ms a run of 200 FLSs had not reached its 20th second after 30 core-seconds,
+where one of `fig28_lambda_skateboard` takes a second. No law has it; its small version is a plane shape of 94 points.
 
 For another shape multiply by its FLSs. Over λ a run costs less than in proportion: a part of it, samples and launch, is
 there without a challenge.
