@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -149,11 +150,18 @@ def test_runs_of_processes_have_a_node_each_and_what_fits_nowhere_is_refused(clu
     assert not (tmp_path / "l" / "experiment.yaml").exists()
 
 
-def test_ctrl_c_ends_the_runs_and_a_ray_of_our_own(cluster, write, tmp_path):
+@pytest.fixture
+def short():
+    """A temporary directory whose name leaves room for the sockets in it."""
+    with tempfile.TemporaryDirectory(prefix="sw-", dir="/tmp") as place:
+        yield Path(place)
+
+
+def test_ctrl_c_ends_the_runs_and_a_ray_of_our_own(cluster, write, tmp_path, short):
     file = write(TINY.replace("duration_s: 20", "duration_s: 100000"))
     process = cluster.sweep(file, "--out", tmp_path / "o", "--jobs", "2", "--ray", cwd=tmp_path, ray=False,
-                            TMPDIR=str(tmp_path))  # fmt: skip
-    until(lambda: desks(tmp_path), process)
+                            TMPDIR=str(short))  # fmt: skip
+    until(lambda: desks(short), process)
     workers = [
         pid
         for pid in (int(one.name) for one in Path("/proc").iterdir() if one.name.isdigit())
@@ -166,7 +174,7 @@ def test_ctrl_c_ends_the_runs_and_a_ray_of_our_own(cluster, write, tmp_path):
     assert "the same command goes on with the rest" in err
     assert out == f"{tmp_path / 'o'}\n"
     wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), 30)
-    assert desks(tmp_path) == []
+    assert desks(short) == []
 
 
 def is_of(pid, ancestor):
