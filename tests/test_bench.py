@@ -1,5 +1,6 @@
 """`scripts/bench.py`: the quick table runs, and wrong names are refused."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -110,3 +111,17 @@ def test_all_ways_to_read_the_hd_agree(monkeypatch, capsys):
     ]
     assert len(rows) == 6
     assert all((row[-2] == "-") == (row[0] == "300") for row in rows)
+
+
+def test_a_sweep_is_measured_beside_its_runs_by_hand(monkeypatch, capsys):
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    from bench import sweep
+
+    said = {"base": {"engine": "virtual", "shape": "sphere", "points": 12, "duration_s": 1}, "seeds": 2}
+    for name, value in (("RUNS", 2), ("JOBS", 1), ("BY_HAND", 1), ("SAID", said)):
+        monkeypatch.setattr(sweep, name, value)
+    sweep.run(1)
+    by_hand, in_sweep, more, busy = re.findall(r"[-+]?[\d.]+", capsys.readouterr().out.splitlines()[-1])
+    assert 0 < float(by_hand) < float(in_sweep)
+    assert float(more) > 0
+    assert 0 < float(busy) <= 100

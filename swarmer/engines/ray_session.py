@@ -201,19 +201,27 @@ def on_node(ray: ModuleType, node: str) -> Any:
     return ray.util.scheduling_strategies.NodeAffinitySchedulingStrategy(node, soft=False)
 
 
-def check_versions(ray: ModuleType, those: list[Node]) -> None:
-    """Raises BadInput naming the first node whose Python, Ray or swarmer is another, RunFailed for one that is dumb."""
+def check_versions(ray: ModuleType, those: list[Node]) -> list[Node]:
+    """Those of the nodes that have what this machine has; a node that has just died is left out.
+
+    Raises BadInput naming the first node whose Python, Ray or swarmer is another, RunFailed for one that is dumb.
+    """
     look = ray.remote(num_cpus=0, max_retries=0)(_looker())
     asked = [look.options(scheduling_strategy=on_node(ray, node.id)).remote() for node in those]
     ours = Versions(*_looker()())
+    there, errors = [], ray.exceptions
     for node, answer in zip(those, asked, strict=True):
         try:
             theirs = Versions(*ray.get(answer, timeout=LOOK_S))
+        except (errors.TaskUnschedulableError, errors.NodeDiedError, errors.LocalRayletDiedError):
+            continue  # Ray takes some seconds to say that a machine is dead
         except Exception as error:
             raise RunFailed(
                 f"node {node.name} of the Ray cluster does not answer: {_one_line(error)}"
             ) from None
         check_same(node.name, ours, theirs)
+        there.append(node)
+    return there
 
 
 def check_same(name: str, ours: Versions, theirs: Versions) -> None:

@@ -25,6 +25,11 @@ TRIES = 3  # of a run whose machines are lost under it
 class Lost(Exception):
     """The machine went, or what ran on it was ended from outside: not the run's fault. The text says which."""
 
+    def __init__(self, text: str, machine_gone: bool = True) -> None:
+        """machine_gone: the machine, and not what ran on it alone."""
+        super().__init__(text)
+        self.machine_gone = machine_gone
+
 
 class Crew(Protocol):
     """The machines, and what works on them."""
@@ -48,11 +53,12 @@ class Ledger:
     def __init__(self, nodes: Iterable[Node]) -> None:
         self.nodes: dict[str, Node] = {}
         self._at: dict[str, list[Needs]] = {}
+        self._lost: set[str] = set()
         self.update(nodes)
 
     def update(self, nodes: Iterable[Node]) -> None:
-        """These are the machines now."""
-        self.nodes = {node.id: node for node in nodes}
+        """These are the machines now. One that was lost is there for a while yet by what Ray says."""
+        self.nodes = {node.id: node for node in nodes if node.id not in self._lost}
         for name in self.nodes:
             self._at.setdefault(name, [])
 
@@ -71,7 +77,8 @@ class Ledger:
         self._at[node.id].remove(needs)
 
     def lose(self, node: Node) -> None:
-        """Nothing more goes there, unless it is seen again."""
+        """Nothing more goes there: a machine that comes back has another id."""
+        self._lost.add(node.id)
         self.nodes.pop(node.id, None)
 
     @staticmethod
@@ -142,7 +149,8 @@ def outcomes(
             try:
                 yield run, crew.outcome(handle, run)
             except Lost as lost:
-                ledger.lose(node)
+                if lost.machine_gone:
+                    ledger.lose(node)
                 tries[run.path] = tries.get(run.path, 0) + 1
                 if tries[run.path] == TRIES:
                     yield run, Outcome("failed", f"its machine was lost {TRIES} times, the last: {lost}")

@@ -61,13 +61,20 @@ def needs_said(given: Any) -> dict[str, float]:
 def needs_of(config: RunConfig, said: Mapping[str, float] | None = None) -> Needs:
     """What a run with these settings needs. said: what its experiment says instead."""
     said = said or {}
-    count = _count(config.shape, config.points, config.duplicates, config.seed if config.points else 0)
-    if config.transition.shape is not None:
-        count = max(count, _count(config.transition.shape, config.transition.points, config.duplicates, 0))
+    count = fls_of(config)
     samples = 0.0 if config.engine == "rounds" else config.duration_s * config.recording.rate_hz
     memory = PROCESS_MB + count * (MB_PER_FLS.get(config.engine, MEMORY_MB_PER_FLS) + SAMPLE_MB * samples)
     memory += RECORDING_MB if config.recording.enabled else 0
     return Needs(int(said.get(CORES, 1)), said.get(MEMORY, memory), config.engine in ("process", "cluster"))
+
+
+def fls_of(config: RunConfig) -> int:
+    """How many FLSs a run has: the points of its shape, or of the larger one of two."""
+    count = _count(config.shape, config.points, config.duplicates, config.seed if config.points else 0)
+    after = config.transition
+    return (
+        count if after.shape is None else max(count, _count(after.shape, after.points, config.duplicates, 0))
+    )
 
 
 @lru_cache(maxsize=256)

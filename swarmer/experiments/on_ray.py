@@ -85,10 +85,10 @@ class RayCrew:
         """See Crew. Raises BadInput for one with another Python, Ray or swarmer."""
         with self._whole():
             there = nodes(self._ray)
-        fresh = [] if self._ours else [node for node in there if node.id not in self._known]
-        if fresh:
-            check_versions(self._ray, fresh)
-            self._known |= {node.id for node in fresh}
+        if not self._ours:
+            fresh = [node for node in there if node.id not in self._known]
+            self._known |= {node.id for node in check_versions(self._ray, fresh)}
+            there = [node for node in there if node.id in self._known]
         return _at_most(there, self._cores)
 
     def begin(self, run: Run, needs: Needs, node: Node) -> Any:
@@ -122,6 +122,8 @@ class RayCrew:
             )
         except errors.RayTaskError as error:  # a fault of ours
             return Outcome("failed", f"on {node.name}: {_last_line(error)}")
+        except errors.WorkerCrashedError:
+            raise Lost(f"its worker on {node.name} was killed", machine_gone=False) from None
         except errors.RayError as error:
             raise Lost(f"{node.name} was lost ({type(error).__name__})") from None
         try:

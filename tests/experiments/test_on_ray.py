@@ -47,7 +47,7 @@ class Cluster:
         self.process.stdin.flush()
         assert self.process.stdout.readline() == "done\n"
 
-    def sweep(self, *arguments, cwd, ray=True):
+    def sweep(self, *arguments, cwd, ray=True, **environment):
         """Start `swarmer sweep` in their network."""
         more = ["--ray", self.address] if ray else []
         return subprocess.Popen(
@@ -55,6 +55,7 @@ class Cluster:
              *more],
             cwd=cwd, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler), start_new_session=True,
+            env={**os.environ, **environment},
         )  # fmt: skip
 
     def swept(self, *arguments, cwd, status=0, **more):
@@ -106,8 +107,8 @@ def rows(out):
         return list(csv.DictReader(file))
 
 
-def desks():
-    return list(Path(tempfile.gettempdir()).glob(f"{DESK}*"))
+def desks(place):
+    return list(place.glob(f"{DESK}*"))
 
 
 def test_killed_and_resumed_it_repeats_nothing_and_a_node_that_dies_costs_no_run(cluster, write, tmp_path):
@@ -149,10 +150,18 @@ def test_runs_of_processes_have_a_node_each_and_what_fits_nowhere_is_refused(clu
     assert not (tmp_path / "l" / "experiment.yaml").exists()
 
 
-def test_ctrl_c_ends_the_runs_and_a_ray_of_our_own(cluster, write, tmp_path):
+@pytest.fixture
+def short():
+    """A temporary directory whose name leaves room for the sockets in it."""
+    with tempfile.TemporaryDirectory(prefix="sw-", dir="/tmp") as place:
+        yield Path(place)
+
+
+def test_ctrl_c_ends_the_runs_and_a_ray_of_our_own(cluster, write, tmp_path, short):
     file = write(TINY.replace("duration_s: 20", "duration_s: 100000"))
-    process = cluster.sweep(file, "--out", tmp_path / "o", "--jobs", "2", "--ray", cwd=tmp_path, ray=False)
-    until(desks, process)
+    process = cluster.sweep(file, "--out", tmp_path / "o", "--jobs", "2", "--ray", cwd=tmp_path, ray=False,
+                            TMPDIR=str(short))  # fmt: skip
+    until(lambda: desks(short), process)
     workers = [
         pid
         for pid in (int(one.name) for one in Path("/proc").iterdir() if one.name.isdigit())
@@ -165,7 +174,7 @@ def test_ctrl_c_ends_the_runs_and_a_ray_of_our_own(cluster, write, tmp_path):
     assert "the same command goes on with the rest" in err
     assert out == f"{tmp_path / 'o'}\n"
     wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), 30)
-    assert desks() == []
+    assert desks(short) == []
 
 
 def is_of(pid, ancestor):

@@ -1,0 +1,49 @@
+"""The page on costs: made of what was measured, for every cell that the experiments have, and nothing else."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "scripts"))
+
+import experiment_costs as costs  # noqa: E402
+
+from swarmer.experiments.experiment import read_experiment  # noqa: E402
+from swarmer.experiments.runs import expand  # noqa: E402
+
+
+def test_the_page_is_made_of_what_was_measured():
+    assert costs.PAGE.read_text() == costs.page()
+
+
+def test_every_cell_of_both_versions_was_measured_and_none_besides():
+    cells = {
+        (costs.key_of(name, small), run.cell)
+        for name in costs.EXPERIMENTS for small in (False, True)
+        for run in expand(read_experiment(name, small=small))
+    }  # fmt: skip
+    assert set(costs.read_measured()) == cells
+
+
+def test_a_cost_goes_on_as_it_went_and_with_the_number_of_flss():
+    run = expand(read_experiment("speed", ["duration_s=60", "points=150"], "1,"))[0]
+    assert costs.cost_of(run, (1.0, 2.5)) == pytest.approx(1 + 0.1 * 55)
+    assert costs.cost_of(run, (2.0, 1.9)) == 2.0  # a busy machine: never less than was measured
+    whole = expand(read_experiment("speed", ["duration_s=60"], "1,"))[0]
+    assert costs.cost_of(whole, (1.0, 2.5)) == pytest.approx(6.5 * 760 / 200)
+
+
+def test_the_law_holds_within_a_factor_of_two_where_all_flss_were_measured():
+    ratios = costs.law_over_measured()
+    assert len(ratios) >= 5
+    assert 0.5 < ratios[0] <= ratios[-1] < 2
+
+
+def test_the_small_versions_are_for_a_laptop():
+    for name in costs.EXPERIMENTS:
+        runs, minutes, _, memory = costs.totals(name, small=True)
+        assert minutes / 2 < 10
+        assert memory < 2000
+        assert runs < costs.totals(name, small=False)[0]
