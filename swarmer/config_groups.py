@@ -294,7 +294,9 @@ class Cluster(Group):
         none="by Ray",
         only="cluster",
     )
-    launch: str = text("ssh {host}", "cluster.hosts: what starts a program on {host}", only="cluster")
+    launch: str = text(
+        "ssh -o BatchMode=yes {host}", "cluster.hosts: what starts a program on {host}", only="cluster"
+    )
     python: str | None = text(
         None, "cluster.hosts: Python on the hosts", none="at the same path as here", only="cluster"
     )

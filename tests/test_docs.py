@@ -85,6 +85,8 @@ def test_the_readme_says_what_is_not_there():
     missing = text[text.index("## What is here") : text.index("## More")]
     for name in CATALOGUE:
         assert f"`{name}`" in missing, f"{name} is in the catalogue: README says so"
+    for engine in next(setting.words for setting in setting_facts() if setting.name == "engine"):
+        assert f"`{engine}`" in missing, f"{engine} is an engine: README says so"
 
 
 def test_the_readme_does_not_miss_what_is_there():

@@ -22,6 +22,11 @@ def closing_lines(
     lines = [_head(summary)]
     if summary.get("message"):
         lines.append(f"  {summary['message']}")
+    if summary.get("hosts_lost"):
+        lines.append(
+            f"  {summary['hosts_lost']} of {summary['hosts']} hosts lost, {summary['replacements']} FLSs replaced: "
+            "see events.csv"
+        )
     lines.append(
         f"  HD {cells(summary.get('hd_cells'))} cells at the end, lowest {cells(summary.get('hd_min_cells'))}; "
         f"{_swarms(summary)}"
@@ -103,7 +108,8 @@ def _trust(summary: dict[str, Any]) -> list[str]:
         return [f"  NOT FAITHFUL: the FLSs could not keep up with what they had to handle ({late})"]
     scale = summary.get("suggested_time_scale")
     advice = "" if scale is None else f"; --time-scale {scale:.2g} would do"
-    return [f"  NOT FAITHFUL: this machine was too slow for this run ({late}){advice}"]
+    who = "its hosts were" if summary.get("engine") == "cluster" else "this machine was"
+    return [f"  NOT FAITHFUL: {who} too slow for this run ({late}){advice}"]
 
 
 def _ms(late: dict[str, float]) -> str:

@@ -35,7 +35,7 @@ CHUNK_S, CHUNK_LIVE_S = 2.0, 0.25  # wall; so long may a few samples wait for be
 CHUNK_POSITIONS = 500_000
 FAILURES = ("failure", "departure", "crash")
 
-EVENT_LEVELS = {"failure": "WARN", "departure": "WARN", "crash": "ERROR", "stderr": "ERROR"}
+EVENT_LEVELS = {"failure": "WARN", "departure": "WARN", "crash": "ERROR", "host": "ERROR", "stderr": "ERROR"}
 
 
 def import_rerun() -> None:

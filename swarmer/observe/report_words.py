@@ -146,11 +146,12 @@ def _trust(summary: dict[str, Any]) -> str:
     if faithful is None:
         unheard = summary.get("status") != UNFINISHED and summary.get("handled_late_ms", "") is None
         return "; no message was handled, so nothing says whether to trust the times" if (
-            unheard and summary.get("engine") in ("process", "virtual")
+            unheard and summary.get("engine") in ("process", "virtual", "cluster")
         ) else ""  # fmt: skip
     if faithful:
         return "; timers and messages were in time, so the run can be trusted"
-    who = "the FLSs could not keep up" if summary.get("engine") == "virtual" else "this machine was too slow"
+    slow = {"virtual": "the FLSs could not keep up", "cluster": "its hosts were too slow"}
+    who = slow.get(str(summary.get("engine")), "this machine was too slow")
     return f"; but {who}, so do not trust the times"
 
 

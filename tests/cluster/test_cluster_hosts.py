@@ -138,17 +138,32 @@ def test_a_host_that_does_not_call():
 
 
 def test_strangers_are_left_standing():
-    """One without the key, one that says nothing of ours, one of a name that is there already: the run begins."""
+    """One without the key, one that says nothing of ours, one of a name that is none: the run begins."""
 
     async def behave(name, reader, writer, key):
-        for stranger in ("key", "web", "twice"):
+        for stranger in ("key", "web", "name"):
             ends = await asyncio.open_connection(*writer.get_extra_info("peername"))
             if stranger == "web":
                 ends[1].write(b"GET / HTTP/1.1\r\n\r\n" * 4)
                 continue
             channel = await shake_hands(*ends, b"q" * 32 if stranger == "key" else key, engine=False)
-            channel.say(HELLO | {"name": "nobody" if stranger == "twice" else name, "version": "9"})
+            channel.say(HELLO | {"name": "nobody" if stranger == "name" else name, "version": "9"})
         await good(name, reader, writer, key)
+
+    _, gathering = gather(behave)
+    assert [host.hello["version"] for host in asyncio.run(gathering)] == [swarmer.__version__] * 2
+
+
+def test_of_two_that_call_by_one_name_the_first_is_heard():
+    async def behave(name, reader, writer, key):
+        if name == "b":
+            await asyncio.sleep(0.5)
+            await good(name, reader, writer, key)
+        first = asyncio.create_task(good(name, reader, writer, key))
+        await asyncio.sleep(0.2)
+        ends = await asyncio.open_connection(*writer.get_extra_info("peername"))
+        await good(name, *ends, key, version="9")
+        await first
 
     _, gathering = gather(behave)
     assert [host.hello["version"] for host in asyncio.run(gathering)] == [swarmer.__version__] * 2

@@ -47,8 +47,8 @@ class ClusterRun:
             assert line, "the run has ended"
 
     def finish(self):
-        _, err = self.process.communicate(timeout=100)
-        assert self.process.returncode == 0, err
+        _, self.last_words = self.process.communicate(timeout=100)
+        assert self.process.returncode == 0, self.last_words
         return json.loads((self.out / "summary.json").read_text())
 
 
@@ -85,6 +85,7 @@ def test_three_hosts_of_50_with_loss_and_delay_and_one_that_is_killed(net, tmp_p
     gone, *others = net.hosts[1], net.hosts[0], net.hosts[2]
     assert told["text"].startswith(f"{gone} is gone (the connection has ended); its 50 FLSs are replaced on ")
     assert all(name in told["text"] for name in others)
+    assert "1 of 3 hosts lost, 50 FLSs replaced: see events.csv" in run.last_words
 
 
 SHIFTED = """#!/bin/bash

@@ -14,12 +14,10 @@ import subprocess
 import sys
 import threading
 from collections import Counter, deque
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
+from swarmer.config_groups import Cluster
 from swarmer.errors import BadInput
-
-if TYPE_CHECKING:
-    from swarmer.config_groups import Cluster
 
 AGENT = "swarmer.engines.cluster.agent"
 HERE = "localhost"
@@ -95,7 +93,7 @@ class Commands:
         """As the command says; `localhost` needs none."""
         host = self._hosts[self.names.index(name)]
         program = [self._cluster.python or sys.executable, "-m", AGENT]
-        if host != HERE or self._cluster.launch != "ssh {host}":
+        if host != HERE or self._cluster.launch != Cluster().launch:
             before = [part.replace("{host}", host) for part in shlex.split(self._cluster.launch)]
             program = [*before, *program]
         try:
