@@ -22,7 +22,7 @@ from swarmer.observe.collector import Collector
 from swarmer.observe.live import LiveViewer, check_way, open_viewer
 from swarmer.observe.recording import Recording
 from swarmer.observe.run_directory import RunDirectory
-from swarmer.observe.viewer import HOST, answers, native_command, serves_viewers
+from swarmer.observe.viewer import HOST, native_command, serves_viewers
 
 PLAYING, FOLLOWING = 2, 3  # of rerun's PlayState
 COPY = """import os, sys
@@ -337,6 +337,17 @@ def test_a_page_that_cannot_be_kept_is_gone_and_the_run_is_told(monkeypatch):
     viewer.feed(b"x" * 200_000)
     viewer.close()
     assert viewer.news() == ["live: the viewer is gone; the run goes on without it"]
+
+
+def answers(port, wait_s):
+    """True as soon as something listens on the port, False if nothing does for so long."""
+    end = time.monotonic() + wait_s
+    while time.monotonic() < end:
+        with socket.socket() as probe:
+            if probe.connect_ex((HOST, port)) == 0:
+                return True
+        time.sleep(0.1)
+    return False
 
 
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
