@@ -22,7 +22,13 @@ MEASURED = ROOT / "scripts" / "scaling" / "measured.json"
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument(
-        "--measure", dest="points", type=int, nargs="+", default=[], metavar="F", help="count formations of so many FLSs"
+        "--measure",
+        dest="points",
+        type=int,
+        nargs="+",
+        default=[],
+        metavar="F",
+        help="count formations of so many FLSs",
     )
     parser.add_argument("--policy", default="roster", help="thaw.policy (default roster)")
     options = parser.parse_args(arguments)
@@ -44,7 +50,9 @@ def kept() -> dict[str, Any]:
 
 def keep(key: str, one: dict[str, Any]) -> None:
     """Put one more beside what is kept."""
-    everything = sorted((kept() | {key: one}).items(), key=lambda pair: (pair[0].split()[0], pair[1]["points"]))
+    everything = sorted(
+        (kept() | {key: one}).items(), key=lambda pair: (pair[0].split()[0], pair[1]["points"])
+    )
     MEASURED.write_text(json.dumps(dict(everything), indent=1) + "\n", encoding="utf-8")
     print(f"{key}: {one['cpu_s']} s of a core, thaws at {one['thaws_s']} s", flush=True)
 

@@ -47,6 +47,16 @@ def test_what_fails_is_told_with_its_command(script, monkeypatch, capsys):
     assert script.main(["--schedule", "1"]) == 1
 
 
+@pytest.mark.parametrize(("more", "status"), [([], 0), (["--strict"], 1)])
+def test_what_a_fresh_seed_finds_is_told_loudly(more, status, script, monkeypatch, capsys):
+    next(one for one in MUTANTS if one.name == "V reversed").apply(monkeypatch)
+    nothing = ["--worlds", "0", "--schedules", "0", "--inputs", "0"]
+    assert script.main([*nothing, "--fresh", "3", *more]) == status
+    told = capsys.readouterr().out
+    assert "FRESH SEEDS HAVE FOUND" in told
+    assert "play it: swarmer simulate --seed " in told
+
+
 def test_a_failing_input_is_told_with_its_command(script, monkeypatch, capsys):
     def fails(rng, count):
         raise AssertionError("so it is")

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling.shares import share
-from scaling.wire import formation
+from scaling.wire import Wire, formation
 from swarmer.config import load_config
+from swarmer.engines.cluster.shares import shares
 from swarmer.messages import Kind
 from swarmer.plan import make_plan
 
@@ -27,9 +27,10 @@ def measure(points: int, seed: int = 1, **settings: Any) -> dict[str, Any]:
     )  # fmt: skip
     plan = make_plan(config)
     pers = [per for per in PER_HOST if points >= 2 * per]
-    shares = [by_fid(share(plan.cloud.points, round(points / per))) for per in pers]
+    hosts = [by_fid(shares(plan.cloud.points, [1.0] * round(points / per))) for per in pers]
     began = time.process_time()
-    wire, observer, result = formation(plan, shares)
+    wire = Wire(plan.size, hosts)
+    observer, result = formation(plan, wire)
     cpu_s = time.process_time() - began
     if len(observer.thaws_s) < 2:
         raise SystemExit(f"sphere of {points}: no second thaw within {LONGEST_S:g} s")
@@ -43,10 +44,7 @@ def measure(points: int, seed: int = 1, **settings: Any) -> dict[str, Any]:
         "first_single_swarm_s": round(result.first_single_swarm_s, 3),
         "thaws_s": [first, second],
         "handled_late_ms": [round(value, 2) for value in result.handled_late_ms],
-        "kinds": {
-            Kind(kind).name: vars(count)
-            for kind, count in sorted(wire.counts.items())
-        },
+        "kinds": {Kind(kind).name: vars(count) for kind, count in sorted(wire.counts.items())},
         "busiest_fls": int(wire.received.max()),
         "median_fls": float(np.median(wire.received[1:])),
         "busiest_bin": max(wire.bins.values()),

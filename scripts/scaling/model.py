@@ -26,10 +26,12 @@ class Cost(NamedTuple):
 
 HANDLE = Cost("an FLS process takes up a message: it wakes, reads, judges, handles, answers and shows", 171, "µs",
               "scripts/bench.py loops")  # fmt: skip
-FILTER = Cost("a broadcast asks the filter of one socket of its host", 0.5, "µs", "scripts/bench.py datagrams")
+FILTER = Cost(
+    "a broadcast asks the filter of one socket of its host", 0.5, "µs", "scripts/bench.py datagrams"
+)
 MEMORY = Cost("an FLS process holds", 3.85, "MB", "swarmer-run --shape dragon")
 LAUNCH = Cost("an FLS process is forked and ready after", 5.0, "ms", "scripts/bench.py launch")
-RELAY = Cost("a datagram crosses: processor time of both relays", 100, "µs", "scripts/bench.py cluster")
+RELAY = Cost("a datagram crosses: processor time of both relays", 12, "µs", "scripts/bench.py cluster")
 COSTS = (HANDLE, FILTER, MEMORY, LAUNCH, RELAY)
 OWNER_MS = 0.15  # virtual.handling_ms: what an owner needs to take up a report
 
@@ -91,17 +93,15 @@ class Growth:
             "delivered": self._law([per_fls(one, "delivered") for one in measured]),
             "broadcasts": self._law([per_fls(one, "broadcasts") for one in measured]),
         }
-        shares = [
-            (one["points"], per, one["points"] / per, index, one)
-            for one in measured
-            for index, per in enumerate(one["per_host"])
+        shared = [
+            (one["points"], per, index, one) for one in measured for index, per in enumerate(one["per_host"])
         ]
         # Of an area the rim grows as its root: copies by FLS fall with the FLSs of a host, and rise with the display.
-        rows = np.array([[1.0, math.log(points), math.log(per)] for points, per, *_ in shares])
+        rows = np.array([[1.0, math.log(points), math.log(per)] for points, per, *_ in shared])
         for name in ("crossings", "airings"):
             values = [
                 math.log(sum(kind[name][index] for kind in one["kinds"].values()) / points)
-                for points, _, _, index, one in shares
+                for points, _, index, one in shared
             ]
             self._laws[name] = tuple(np.linalg.lstsq(rows, np.array(values), rcond=None)[0])
 
@@ -126,13 +126,15 @@ class Growth:
 def need(growth: Growth, points: int, scale: float, host: Host = HOST) -> Need:
     """How many hosts, and what their relays and filters do. scale: emulated seconds per wall second."""
     formation_s = growth.of("seconds", points) / scale  # wall
-    by_processors = host.busy * host.cores * formation_s / (growth.of("delivered", points) * HANDLE.value * 1e-6)
+    by_processors = (
+        host.busy * host.cores * formation_s / (growth.of("delivered", points) * HANDLE.value * 1e-6)
+    )
     by_memory = 0.9 * host.memory_gb * 1e3 / MEMORY.value
     each = min(by_processors, by_memory, points)
     hosts = math.ceil(points / each)
     each = points / hosts
     bound = "memory" if by_memory < by_processors else "processors"
-    relayed = filters = 0.0
+    relayed = 0.0
     if hosts > 1:
         # A copy has a relay at both ends.
         relayed = 2 * growth.copies("crossings", points, each) * each / formation_s

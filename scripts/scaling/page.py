@@ -68,7 +68,16 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def formations(free: list[Measured]) -> str:
     """What a formation takes, by size."""
-    head = ("FLSs", "s", "sent", "delivered", "for many, of all", "largest", "busiest 0.1 s, by FLS", "p99 late, ms")
+    head = (
+        "FLSs",
+        "s",
+        "sent",
+        "delivered",
+        "for many, of all",
+        "largest",
+        "in the busiest 0.1 s",
+        "p99 late, ms",
+    )
     return table(head, [
         (f"{one['points']:,}", f"{seconds(one):.1f}", f"{per_fls(one, 'sent'):.1f}",
          f"{per_fls(one, 'delivered'):.0f}", f"{per_fls(one, 'broadcasts') / per_fls(one, 'sent'):.1%}",
@@ -80,11 +89,12 @@ def formations(free: list[Measured]) -> str:
 
 def laws(growth: Growth) -> str:
     """The exponents, in words."""
+    longer, more = (1000 ** growth.exponent(name) for name in ("seconds", "delivered"))
     return (
         f"The time of a formation grows as F^{growth.exponent('seconds'):.2f}, what an FLS is delivered as "
-        f"F^{growth.exponent('delivered'):.2f}: a thousand times the FLSs take "
-        f"{1000 ** growth.exponent('seconds'):.1f} times as long, and each of them gets "
-        f"{1000 ** growth.exponent('delivered'):.1f} times as much."
+        f"F^{growth.exponent('delivered'):.2f}:\na thousand times the FLSs take {longer:.0f} times as long, and each "
+        f"gets {more:.1f} times as much. So in a *second* an FLS of\na large display gets less than one of a small one, "
+        "and a host carries more of them."
     )
 
 
@@ -101,7 +111,14 @@ def kinds(free: list[Measured]) -> str:
 def owners(owned: list[Measured], free: list[Measured]) -> str:
     """What an owner that counts costs."""
     at_once = {one["points"]: seconds(one) for one in free}
-    head = ("FLSs", "s, `centralized`", "s, `roster`", "COUNT sent, by FLS", "to the busiest FLS", "p99 late, ms")
+    head = (
+        "FLSs",
+        "s, `centralized`",
+        "s, `roster`",
+        "COUNT sent, by FLS",
+        "to the busiest FLS",
+        "p99 late, ms",
+    )
     return table(head, [
         (f"{one['points']:,}", f"{at_once[one['points']]:.1f}", f"{seconds(one):.1f}",
          f"{per_fls(one, 'sent', 'COUNT'):.1f}", f"{one['busiest_fls']:,}", f"{one['handled_late_ms'][1]:,.0f}")

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections import defaultdict
 from random import Random
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmer.engines import virtual
-from swarmer.engines.result import Event, Snapshot
+from swarmer.engines.result import Event, RunResult, Snapshot
 from swarmer.engines.virtual import VirtualEngine
 from swarmer.engines.virtual_fls import VirtualFls
 from swarmer.engines.virtual_radio import Air
@@ -66,7 +65,9 @@ class Wire:
         many = len(receivers) > FEW
         count.broadcasts += many
         for number, of in enumerate(self.lists):
-            reached = set(np.unique(self.hosts[number][receivers]).tolist() if many else map(of.__getitem__, receivers))
+            reached = set(
+                np.unique(self.hosts[number][receivers]).tolist() if many else map(of.__getitem__, receivers)
+            )
             count.airings[number] += many * len(reached)
             reached.discard(of[sender])
             count.crossings[number] += len(reached)
@@ -123,9 +124,8 @@ class Formation:
         """Nothing to do."""
 
 
-def formation(plan: Plan, hosts: list[NDArray[np.int32]]) -> tuple[Wire, Formation, Any]:
-    """Run a plan, which must be for the virtual engine, to its second thaw: what was counted between the two."""
-    wire = Wire(plan.size, hosts)
+def formation(plan: Plan, wire: Wire) -> tuple[Formation, RunResult]:
+    """Run a plan, which must be for the virtual engine, to its second thaw; `wire` has what was sent between the two."""
     CountingAir.wire = wire
     observer = Formation(wire)
     plain, virtual.Air = virtual.Air, CountingAir  # type: ignore[misc]
@@ -134,4 +134,4 @@ def formation(plan: Plan, hosts: list[NDArray[np.int32]]) -> tuple[Wire, Formati
             result = engine.run(observer)
     finally:
         virtual.Air = plain  # type: ignore[misc]
-    return wire, observer, result
+    return observer, result
