@@ -93,8 +93,8 @@ def laws(growth: Growth) -> str:
     return (
         f"The time of a formation grows as F^{growth.exponent('seconds'):.2f}, what an FLS is delivered as "
         f"F^{growth.exponent('delivered'):.2f}:\na thousand times the FLSs take {longer:.0f} times as long, and each "
-        f"gets {more:.1f} times as much. So in a *second* an FLS of\na large display gets less than one of a small one, "
-        "and a host carries more of them."
+        f"gets {more:.1f} times as much. So in a *second* an FLS of\na large display gets less than one of a small "
+        "one, and a host carries more of them."
     )
 
 

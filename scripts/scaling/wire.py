@@ -125,7 +125,7 @@ class Formation:
 
 
 def formation(plan: Plan, wire: Wire) -> tuple[Formation, RunResult]:
-    """Run a plan, which must be for the virtual engine, to its second thaw; `wire` has what was sent between the two."""
+    """Run a plan of the virtual engine to its second thaw; `wire` has what was sent between the two."""
     CountingAir.wire = wire
     observer = Formation(wire)
     plain, virtual.Air = virtual.Air, CountingAir  # type: ignore[misc]
