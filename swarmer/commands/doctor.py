@@ -124,10 +124,12 @@ def show_trial(trial: Trial, free_mb: float | None) -> None:
 
     rows = [
         ("launch", f"{trial.launch_s:.2f} s, {trial.fork_ms:.1f} ms for each FLS more"),
-        ("memory", f"{trial.memory_mb:.1f} MB private per FLS"),
         ("all woken at once", f"the last 1 % after {trial.wake_p99_ms:.1f} ms"),
         ("messages in the run", f"handled at most {trial.handled_p99_ms:.1f} ms late (p99)"),
-        ("processor time", f"{trial.cpu_ms:.1f} ms per FLS and emulated second, of {trial.cores} cores"),
+        (
+            "an FLS takes",
+            f"{trial.memory_mb:.1f} MB of its own, {trial.cpu_ms:.1f} ms of {trial.cores} cores an emulated second",
+        ),
     ]
     show_rows(f"trial run, {trial.points} FLSs at time scale 1", rows)
     rows = [("at time scale 1", f"up to some {rounded(trial.largest(free_mb))} FLSs")]
