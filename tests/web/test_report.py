@@ -51,7 +51,8 @@ def test_the_view_in_space_holds_the_whole_shape(visit, report, width):
     with visit(report, viewport={"width": width, "height": 800}) as seen:
         seen.page.wait_for_selector("#scene[data-ready]")
         margins = seen.page.evaluate(
-            """() => {
+            """async () => {
+              for (let frame = 0; frame < 2; frame++) await new Promise(requestAnimationFrame);  // it is drawn in one
               const canvas = document.querySelector("#scene canvas"), {width, height} = canvas;
               const pixels = canvas.getContext("2d").getImageData(0, 0, width, height).data;
               let [left, right, top, bottom] = [width, 0, height, 0];

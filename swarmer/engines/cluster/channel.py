@@ -65,7 +65,7 @@ class Channel:
                 raise NotOurs("a frame of a length that none has")
             data, blob = [await self._reader.readexactly(length) for length in lengths]
             mac = await self._reader.readexactly(MAC_BYTES)
-        except asyncio.IncompleteReadError:
+        except (asyncio.IncompleteReadError, ConnectionResetError, BrokenPipeError):
             raise ConnectionError("the connection has ended") from None
         if not compare_digest(mac, self._mac(self._theirs, self._heard, data, blob)):
             raise NotOurs("a frame that was not signed with the key of this run")
