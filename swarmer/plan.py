@@ -78,7 +78,7 @@ def make_plan(config: RunConfig) -> Plan:
     neighbours = neighbour_plan(cloud.points, config.eta, config.neighbours)
     diagonal = math.dist((0.0, 0.0, 0.0), cloud.box_cells)
     rules = make_rules(config, len(cloud), dim, diagonal, technique)
-    try_plugins(rules)
+    try_plugins(rules, config.engine == "rounds")
     if config.thaw.policy == "corner":
         rules = rules._replace(thaw_corners=corners(cloud))
     if config.oracle.count:
@@ -159,14 +159,14 @@ def find_technique(name: str) -> str:
     raise BadInput("technique", name, f"{hint} {', '.join(sorted(known)) or 'none: is swarmer installed?'}")
 
 
-def try_plugins(rules: Rules) -> None:
+def try_plugins(rules: Rules, in_rounds: bool) -> None:
     """Ask the plugins of other packages for something before a run begins. Raises BadInput."""
     technique, sensing, thaws = outside_places(rules)
     if technique or sensing or thaws:
         from swarmer.plugins import guard
 
         if technique:
-            guard.try_localizer(technique)
+            guard.try_localizer(technique, rules.dim, in_rounds)
         if sensing:
             guard.try_sensor_error(sensing, rules.sensing_error, rules.sensing_accurate)
         if thaws:

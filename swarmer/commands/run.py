@@ -137,6 +137,7 @@ def run(
     """
     with ends_at_once():
         from swarmer.engines.named import make_engine
+        from swarmer.engines.rounds_idle import idle_settings
         from swarmer.fault_settings import too_late
         from swarmer.observe.collector import Collector
         from swarmer.observe.live import check_way
@@ -166,7 +167,12 @@ def run(
         def begin() -> None:
             let_endings_come()
             tell_plan(plan)
-            for line in config.ignored(preset(source)) + too_late(plan.faults, plan.config.duration_s):
+            given = preset(source)
+            for line in (
+                *config.ignored(given),
+                *idle_settings(plan, given),
+                *too_late(plan.faults, plan.config.duration_s),
+            ):
                 click.echo(f"note: {line}", err=True)
             tell_changed_shape(plan, source)
 
@@ -228,6 +234,8 @@ def close(summary: dict[str, Any], path: Path, as_json: bool, collector: Collect
 def tell_plan(plan: Plan) -> None:
     """The facts of the plan, on one line of stderr, or as many as the terminal needs."""
     from swarmer.observe.words import columns_of, wrapped
+    from swarmer.plan import make_technique
+    from swarmer.plugins import references_of
 
     n = plan.neighbours
     links = "1 link" if n.added_links == 1 else f"{n.added_links} links"
@@ -238,8 +246,12 @@ def tell_plan(plan: Plan) -> None:
         f"{head} {n.mode} (η {n.eta}): "
         f"{parts}{joined}, longest link {n.longest_link_cells:.1f} cells, mean degree {n.mean_degree:.1f}"
     )
-    if plan.config.engine == "rounds" and plan.config.rounds.neighbours == "estimated":
-        line = f"{head} the {n.eta} nearest (η) where the FLSs are, anew in each round"
+    if plan.config.engine == "rounds":
+        references = references_of(make_technique(plan.rules.technique), plan.rules.dim)
+        if references > 1:
+            line = f"{head} the {max(n.eta, references)} nearest in the shape (η, {references} at least)"
+        elif plan.config.rounds.neighbours == "estimated":
+            line = f"{head} the {n.eta} nearest (η) where the FLSs are, anew in each round"
     lines = [line]
     if plan.config.eta is not None and 2 * n.eta > plan.size:
         lines.append(f"note: eta: {n.eta} is more than half of the {plan.size} FLSs")

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmer.entry_points import TECHNIQUES
-from swarmer.messages import Vec3
 from swarmer.plan import make_technique
-from swarmer.plugins import NoFix, references_of
+from swarmer.plugins import references_of
+from swarmer.plugins.arrays import fix_of, fix_or_reason, fixes_of, like, many_like, tuples
 from swarmer.plugins.fixing import FIXED, Fixes
 from swarmer.plugins.guard import Watched, legs_of, vector_of
 
@@ -39,26 +38,22 @@ class ArrayTechnique:
         plugin, call = self._plugin, self._watched.call
         if hasattr(plugin, "displacements"):
             many: Vectors = call(
-                "displacements", _like(measured), plugin.displacements, measured, ground_truth
+                "displacements", like(measured), plugin.displacements, measured, ground_truth
             )
             return many
-        rows = zip(_tuples(measured), _tuples(ground_truth), strict=True)
+        rows = zip(tuples(measured), tuples(ground_truth), strict=True)
         found = [call("displacement", vector_of, plugin.displacement, d, g) for d, g in rows]
         return np.array(found).reshape(measured.shape)
 
     def legs(self, measured: Vectors, ground_truth: Vectors) -> list[Vectors]:
         """The flights of n localizing FLSs, each (n, 3); where one makes fewer than another, the rest of its are 0."""
-        plugin, call, like = self._plugin, self._watched.call, _like(measured)
+        plugin, call = self._plugin, self._watched.call
         if hasattr(plugin, "legs_of_many"):
             many: list[Vectors] = call(
-                "legs_of_many",
-                lambda legs: [like(leg) for leg in legs],
-                plugin.legs_of_many,
-                measured,
-                ground_truth,
+                "legs_of_many", many_like(measured), plugin.legs_of_many, measured, ground_truth
             )
             return many
-        rows = zip(_tuples(measured), _tuples(ground_truth), strict=True)
+        rows = zip(tuples(measured), tuples(ground_truth), strict=True)
         each = [call("legs", legs_of, plugin.legs, d, g) for d, g in rows]
         legs = np.zeros((max(map(len, each), default=0), *measured.shape))
         for row, flights in enumerate(each):
@@ -69,7 +64,7 @@ class ArrayTechnique:
         """Fixes of n FLSs; arguments (n, references, 3), cells."""
         if hasattr(self._plugin, "fixes"):
             found: Fixes = self._watched.call(
-                "fixes", _fixes_of, self._plugin.fixes, measured, ground_truth, dim
+                "fixes", fixes_of, self._plugin.fixes, measured, ground_truth, dim
             )
         else:
             found = self._fixes_one_by_one(measured, ground_truth, dim)
@@ -80,46 +75,10 @@ class ArrayTechnique:
     def _fixes_one_by_one(self, measured: Vectors, ground_truth: Vectors, dim: int) -> Fixes:
         vectors, reasons = np.full((len(measured), 3), np.nan), []
         for row, (d, g) in enumerate(zip(measured, ground_truth, strict=True)):
-            found = self._watched.call("fix", _fix_of, self._try, _tuples(d), _tuples(g), dim)
+            found = self._watched.call("fix", fix_of, fix_or_reason, self._plugin, tuples(d), tuples(g), dim)
             if isinstance(found, str):
                 reasons.append(found)
             else:
                 vectors[row] = found
                 reasons.append(FIXED)
         return Fixes(vectors, np.array(reasons, dtype=np.str_), np.full(len(measured), np.nan))
-
-    def _try(self, measured: list[Vec3], ground_truth: list[Vec3], dim: int) -> Any:
-        """A fix, or why there is none."""
-        try:
-            return self._plugin.fix(measured, ground_truth, dim)
-        except NoFix as none:
-            return none
-
-
-def _fix_of(value: Any) -> Vec3 | str:
-    return (str(value) or "no_fix") if isinstance(value, NoFix) else vector_of(value)
-
-
-def _fixes_of(found: Fixes) -> Fixes:
-    fixed = found.failure == FIXED
-    if found.vector.ndim != 2 or found.vector.shape[1] != 3 or not np.isfinite(found.vector[fixed]).all():
-        raise ValueError("gave fixes that are not finite vectors")
-    return found
-
-
-def _like(vectors: Vectors) -> Callable[[Any], Vectors]:
-    """What checks that an answer has as many finite vectors."""
-
-    def check(answer: Any) -> Vectors:
-        found = np.asarray(answer)
-        if found.shape != vectors.shape or not np.issubdtype(found.dtype, np.number):
-            raise ValueError(f"gave an array {found.dtype}{found.shape}, not numbers {vectors.shape}")
-        if not np.isfinite(found).all():
-            raise ValueError("gave vectors that are not finite")
-        return found.astype(np.float64, copy=False)
-
-    return check
-
-
-def _tuples(vectors: Vectors) -> list[Vec3]:
-    return [(x, y, z) for x, y, z in vectors.tolist()]

@@ -74,7 +74,7 @@ class Watched:
             return check(function(*arguments))
         except PluginFailed:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise PluginFailed(f"{self.lead}: {what} {_said(error)}") from error
 
     def fail(self, what: str) -> NoReturn:
@@ -92,7 +92,7 @@ class Watched:
         return self.call("cannot be imported:", as_it_is, load, self._place)
 
 
-def _said(error: Exception) -> str:
+def _said(error: BaseException) -> str:
     if type(error) is ValueError and str(error).startswith("gave "):
         return str(error)
     text = " ".join(str(error).split())
@@ -140,23 +140,36 @@ class GuardedLocalizer(Watched):
         return legs
 
 
-def try_localizer(place: str) -> None:
+def try_localizer(place: str, dim: int, in_rounds: bool) -> None:
     """Ask a technique some questions that have an answer. Raises BadInput.
 
-    One that needs several references is only made: which of them have an answer nobody knows.
+    in_rounds: also what the engine rounds alone asks, in a display of 2 or 3 dimensions. Of several references it is
+    asked there whether it gives a vector or says why not.
     """
     with refusing():
         localizer = GuardedLocalizer(place)
-        if hasattr(make_technique(place), "fix"):
-            return
-        for measured, ground_truth in TRIED:
-            localizer.displacement(measured, ground_truth)
-            getattr(localizer, "legs", lambda *_: ())(measured, ground_truth)
+        technique = make_technique(place)
+        if not hasattr(technique, "fix"):
+            for measured, ground_truth in TRIED:
+                localizer.displacement(measured, ground_truth)
+                getattr(localizer, "legs", lambda *_: ())(measured, ground_truth)
+        if in_rounds:
+            from swarmer.plugins.arrays import (
+                try_many,
+            )  # only here: FLS processes, without numpy, import this file
+
+            try_many(localizer, technique, dim)
 
 
 def _technique(value: Any) -> Any:
     if not hasattr(value, "displacement") and not hasattr(value, "fix"):
         raise ValueError(f"gave {shown(value)}, which has no displacement")
+    for name in ("references", "references_3d"):
+        needed = getattr(value, name, 0)
+        if not isinstance(needed, int) or needed < 0:
+            raise ValueError(f"gave what has {name} {shown(needed)}, not a whole number from 0")
+        if needed > 1 and not hasattr(value, "fix"):
+            raise ValueError(f"gave what has {name} {needed}, and no fix")
     return value
 
 

@@ -123,9 +123,10 @@ def test_what_goes_wrong_later_ends_the_run_and_says_whose_it_is(package, tmp_pa
     [
         ("def displacement(self, d, g):\n        return d if (d, g) in TRIED else None", "displacement gave None, not"),
         ("def displacement(self, d, g):\n        return d\n"
-         "    def displacements(self, d, g):\n        return d[:, :2]", "displacements gave an array float64(1"),
-        ("references = 3\n    def fix(self, d, g, dim):\n        return (1, 2)", "fix gave (1, 2), not three numbers"),
-        ("references = 3\n    def fix(self, d, g, dim):\n        return d[7]", "fix raised IndexError"),
+         "    def displacements(self, d, g):\n        return d if len(d) == 3 else d[:, :2]",
+         "displacements gave an array float64(1"),
+        ("references = 3\n    asked = 0\n    def fix(self, d, g, dim):\n        It.asked += 1\n"
+         "        return d[0] if It.asked < 3 else (1, 2)", "fix gave (1, 2), not three numbers"),
     ],
 )  # fmt: skip
 def test_the_rounds_engine_says_it_too(package, tmp_path, body, said):
@@ -135,6 +136,41 @@ def test_the_rounds_engine_says_it_too(package, tmp_path, body, said):
     outcome = perform(load_config(None, settings), tmp_path / "run")
     assert outcome.status == "failed"
     assert outcome.message.startswith(f"technique: '{name}' of the package {name}-package 2: {said}")
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("def displacement(self, d, g):\n        return d\n"
+         "    def displacements(self, d, g):\n        return d[:, :2]", "displacements gave an array float64(3, 2)"),
+        ("def displacement(self, d, g):\n        return d\n"
+         "    def displacements(self, d, g):\n        return d * float('nan')",
+         "displacements gave vectors that are not"),
+        ("references = 3\n    def fix(self, d, g, dim):\n        return (1, 2)", "fix gave (1, 2), not three numbers"),
+        ("references = 3\n    def fix(self, d, g, dim):\n        return d[7]", "fix raised IndexError"),
+        ("references = 3\n    def fix(self, d, g, dim):\n        return d[0]\n"
+         "    def fixes(self, d, g, dim):\n        return d[0]", "fixes raised AttributeError"),
+        ("references = 'many'\n    def fix(self, d, g, dim):\n        return d[0]",
+         "made without arguments gave what has"),
+        ("references = 3\n    def displacement(self, d, g):\n        return d", "references 3, and no fix"),
+        ("def displacement(self, d, g):\n        raise SystemExit(7)", "raised SystemExit: 7"),
+    ],
+)  # fmt: skip
+def test_what_only_the_rounds_engine_asks_is_refused_before_the_run_too(package, body, said):
+    name, choice = package("technique", f"class It:\n    {body}\n")
+    with pytest.raises(BadInput) as refused:
+        make_plan(load_config(None, ["shape=sphere", "points=20", "engine=rounds", choice]))
+    assert str(refused.value).startswith(f"technique: '{name}' of the package {name}-package 2: ")
+    assert said in str(refused.value)
+
+
+def test_no_fix_is_an_answer(package):
+    source = (
+        "from swarmer.plugins import NoFix\n"
+        "class It:\n    references = 3\n    def fix(self, d, g, dim):\n        raise NoFix\n"
+    )
+    _, choice = package("technique", source)
+    make_plan(load_config(None, ["shape=sphere", "points=20", "engine=rounds", choice]))
 
 
 def test_what_needs_several_references_is_refused_where_there_is_one(package):
