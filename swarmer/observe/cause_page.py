@@ -337,6 +337,7 @@ def _curve(timeline: SavedTimeline | None, causes: Sequence[Cause]) -> str:
         f"<polyline points='{way}' fill=none stroke='var(--accent)' stroke-width=1.8 />{marks}</svg>"
     )
     caption = "Hausdorff distance in cells, logarithmic, over emulated time; a number is a moment below."
+    caption += " <span class=narrow>Wider than this screen: it scrolls sideways.</span>"
     return f"<figure>{scrolling(drawing, 'Hausdorff distance')}<figcaption>{caption}</figcaption></figure>"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import re
 import warnings
 from collections.abc import Callable, Sequence
@@ -33,6 +34,7 @@ DASHES: tuple[Any, ...] = (
     (0, (7, 2, 1.5, 2)),
 )  # colour alone tells nothing
 LINE_POINTS = 1500  # samples of a curve that are drawn
+FEW_DECADES, ALL_DECADES = 1.3, 0.4  # axes shorter than that have numbers between powers of ten; at each tick
 WIDTH, HEIGHT = (
     5.0,
     2.75,
@@ -159,7 +161,20 @@ def logarithmic(axes: Axes, zero: bool = False) -> None:
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(numticks=8))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    between = NullFormatter() if zero else FuncFormatter(lambda value, _: _between(value, *axes.get_ylim()))
+    axes.yaxis.set_minor_formatter(between)
+
+
+def _between(value: float, low: float, high: float) -> str:
+    """What stands at a tick between powers of ten: something on an axis so short that it may have none of these.
+
+    >>> [_between(value, 2, 9) for value in (2, 3, 5)], _between(5, 4.9, 5.2), _between(5, 0.1, 9)
+    (['2', '', '5'], '5', '')
+    """
+    decades = math.log10(high / low)
+    leading = round(value / 10 ** math.floor(math.log10(value)), 6)
+    shown = decades < FEW_DECADES and (decades < ALL_DECADES or leading in (2, 5))
+    return f"{value:,.10g}" if shown else ""
 
 
 def thinned(t: NDArray[Any], *values: NDArray[Any]) -> tuple[NDArray[Any], ...]:

@@ -90,7 +90,9 @@ def groups_of(runs: Sequence[SavedRun]) -> tuple[list[Group], dict[str, list[Any
     names_shown = _enough(telling)
     groups: dict[tuple[str, ...], Group] = {}
     for i, run in enumerate(runs):
-        label = ", ".join(f"{name} {_short(telling[name][i])}" for name in names_shown) or "all runs"
+        label = (
+            ", ".join(f"{name} {_short(name, telling[name][i], run)}" for name in names_shown) or "all runs"
+        )
         which = tuple(text_of(values[i]) for values in telling.values())
         if which not in groups:
             groups[which] = Group(_cut(label, len(groups) + 1), [])
@@ -130,7 +132,9 @@ def _settings(run: SavedRun) -> dict[str, Any]:
     return flat
 
 
-def _short(value: Any) -> str:
+def _short(name: str, value: Any, run: SavedRun) -> str:
+    if value is None and name == "points":  # all that the shape has; a run that ended says how many
+        value = run.summary.get(name, "all")
     text = OTHERWISE if value is None else text_of(value)
     return text if len(text) <= 40 else "…" + text[-39:]
 

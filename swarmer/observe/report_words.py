@@ -296,9 +296,8 @@ def summary_part(run: SavedRun) -> Part | None:
         for name, value in run.summary.items()
         if name != "format" and value is not None
     ]
-    return Part(
-        "summary", "All numbers", table(["name", "value"], rows, "summary.json, without what is null")
-    )
+    caption = "summary.json, without what is null; docs/reading-a-run.md says what each is"
+    return Part("summary", "All numbers", table(["name", "value"], rows, caption))
 
 
 def events_part(run: SavedRun) -> Part | None:
@@ -306,12 +305,14 @@ def events_part(run: SavedRun) -> Part | None:
     if not run.events:
         return None
     shown, clock = run.events[-EVENTS_SHOWN:], clock_of(run)
-    which = (
-        f"the last {len(shown)} of {len(run.events)}" if len(shown) < len(run.events) else f"all {len(shown)}"
-    )
+    if len(shown) < len(run.events):
+        which = f"the last {len(shown)} of {len(run.events)}"
+    else:
+        which = f"all {len(shown)}" if len(shown) > 1 else "1"
+    said = f"{which} event{'s' * (len(shown) != 1)}"
     rows = [[clock.say(event.t_s), event.kind, str(event.fid or ""), event.text] for event in shown]
     body = table(["when", "kind", "FLS", "text"], rows, f"events.csv, {which}")
-    return Part("events", "Events", f"<details><summary>{which} events</summary>{body}</details>")
+    return Part("events", "Events", f"<details><summary>{said}</summary>{body}</details>")
 
 
 # -- what was run ----------------------------------------------------------------------------------------------------

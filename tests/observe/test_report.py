@@ -10,12 +10,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from matplotlib.figure import Figure
 
 from swarmer.commands.report import command
 from swarmer.errors import BadInput
 from swarmer.observe import report
 from swarmer.observe.report import make_report, write_report
-from swarmer.observe.report_drawing import ROUNDS, SECONDS
+from swarmer.observe.report_drawing import ROUNDS, SECONDS, logarithmic
 from swarmer.observe.report_words import preset_of, settings, verdict
 from swarmer.observe.saved_run import SavedRun, load
 
@@ -431,3 +432,17 @@ def test_two_shapes_are_both_in_the_heading(finished_run):
     page = make_report([run])
     assert ": 40 FLSs, then hat: 60 FLSs</h1>" in page
     assert "<b class=''>2.0 s</b><span>from the change until HD &lt; 1 of hat</span>" in page
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"), [(2.1, 8.9, {"2", "5"}), (4, 6, {"4", "5", "6"}), (0.1, 9, {"1"})]
+)
+def test_a_logarithmic_axis_has_numbers_however_short(low, high, said):
+    figure = Figure()
+    axes = figure.subplots()
+    logarithmic(axes)
+    axes.plot([0, 1], [low, high])
+    figure.canvas.draw()
+    shown = {text.get_text() for text in [*axes.get_yticklabels(), *axes.get_yticklabels(minor=True)]}
+    assert said <= shown
+    assert low >= 1 or not {"2", "5"} & shown

@@ -58,6 +58,17 @@ def test_names_of_groups_are_short_and_told_apart(six):
     assert "…" in names[0]
 
 
+def test_a_group_of_all_points_of_a_shape_says_how_many(six):
+    runs = [load(path) for path in six[:3]]
+    runs[0].config["points"], runs[1].config["points"], runs[2].config["points"] = 20, None, None
+    assert [group.label for group in groups_of(runs)[0]] == [
+        "points 20",
+        f"points {runs[1].summary['points']}",
+    ]
+    runs[1].summary = {}
+    assert groups_of(runs)[0][1].label == "points all"
+
+
 def test_several_runs_are_compared(six, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = write_report(six).read_text()

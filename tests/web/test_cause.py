@@ -43,6 +43,8 @@ def test_moments_have_pictures_and_nothing_hangs_over(page):
     assert page.locator("details .talk li").count() >= 2
     assert page.locator("#curve a").count() == page.locator("details").count() >= 2
     assert page.evaluate("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+    scrolls = page.locator(".scroll:has(#curve)").evaluate("box => box.scrollWidth > box.clientWidth")
+    assert page.locator("figcaption .narrow").is_visible() == scrolls
 
 
 def test_a_moment_is_chosen_on_the_curve_by_keyboard(page):
