@@ -156,7 +156,7 @@ def tell_story(trace: TraceFile, records: Iterator[Record], everything: bool) ->
         told += 1
         yield scene.line(trace.header.points)
     if left_out:
-        yield f"{left_out:,} events without effect left out; --all tells them"
+        yield f"{left_out:,} event{'s' * (left_out != 1)} without effect left out; --all tells them"
     elif not told:
         yield "nothing happened in these seconds"
 

@@ -15,7 +15,7 @@ from swarmer.errors import SwarmerError
 from swarmer.observe.report_drawing import ROUNDS, SECONDS, Clock, clock_of
 from swarmer.observe.report_page import Part, esc, scrolling, table
 from swarmer.observe.saved_run import SavedRun
-from swarmer.observe.words import cells, count
+from swarmer.observe.words import cells, count, unit_after
 from swarmer.settings_file import preset_names
 
 EVENTS_SHOWN = 200
@@ -382,7 +382,7 @@ def flat_settings(config: dict[str, Any], before: str = "") -> dict[str, Any]:
 def _setting_table(rows: Sequence[Setting], preset: str, caption: str) -> str:
     lines = "".join(
         f"<tr><td><code>{esc(row.name)}</code></td>"
-        f"<td class=value>{esc(text_of(row.value))} {esc(row.unit)}</td>"
+        f"<td class=value>{esc(text_of(row.value) + unit_after(row.value, row.unit))}</td>"
         f"<td>{esc(text_of(row.usual)) if row.changed else ''}</td><td class=help>{_marked(row.help)}</td></tr>"
         for row in rows
     )

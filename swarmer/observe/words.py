@@ -23,6 +23,22 @@ def clock(seconds: float) -> str:
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
 
 
+def unit_after(value: Any, unit: str) -> str:
+    """What stands behind the value of a setting: its unit, if it has one and is a number or positions.
+
+    >>> unit_after(12.0, "s"), unit_after("auto", "wall"), unit_after(0.1, "p"), unit_after(None, "s")
+    (' s', '', '', '')
+    >>> unit_after(0.5, "wall"), unit_after([[0, 0, 0]], "cells"), unit_after([], "cells")
+    (' emulated s per wall s', ' cells', '')
+    """
+    if isinstance(value, bool) or not (
+        isinstance(value, (int, float)) or (value and isinstance(value, list))
+    ):
+        return ""
+    said = {"p": "", "wall": "emulated s per wall s"}.get(unit, unit)
+    return f" {said}" if said else ""
+
+
 def cells(value: float | None) -> str:
     """A distance in cells with three significant digits; a dash where there is none.
 

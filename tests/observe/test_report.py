@@ -176,6 +176,7 @@ def test_it_says_what_was_run_and_how_to_run_it_again(made):
         assert part in text
     assert "75 settings as in the preset" not in page.text  # seed and duration differ
     assert re.search(r"\d+ settings as in the preset", page.text)
+    assert re.search(r"<code>radio.loss</code></td><td class=value>0</td>", text)
     assert "No FLS failed" in page.text or "no FLS failed" in page.text
 
 
