@@ -69,7 +69,7 @@ def check_ours(path: Path) -> None:
             read_results(path)
     except (OSError, ValueError) as error:
         reason = str(getattr(error, "strerror", None) or error).removeprefix(f"{path}: ")
-        raise BadInput("out", str(path), f"another directory, or none: {reason}") from None
+        raise BadInput.saying(f"out: {path}: {reason}; choose another directory with --out") from None
 
 
 def flat(summary: Mapping[str, Any]) -> dict[str, Any]:

@@ -118,7 +118,7 @@ def figure_of(
     caption = f"The {estimate} over the seeds of each cell, with its 95 % interval."
     caption += " Above the dotted line: never." if _some_never(measure, cells) else ""
     left = len(axes) - len(drawn)
-    caption += " The red mark is the median of all cells." if _clouds(settings, cells, drawn) else ""
+    caption += " The red mark is the median of all cells at that value." if _clouds(settings, cells, drawn) else ""
     caption += f" {left} more settings are in the table." if left > 0 else ""
     columns = [*settings, "runs", estimate, "low", "high"]
     rows = [[*cell.key, cell.runs, *_bounds(cell.values.get(measure.column))] for cell in cells]
@@ -152,7 +152,7 @@ def _panel(
                   label=names[others])  # fmt: skip
         if joined or len(cells) <= BARS_MAX:
             _bars(axes, line, top, colour, 1.0 if joined else 0.6)
-    if not joined and len(axis.at) <= STEPS_MAX:
+    if not joined and _shared(axis, cells):
         _middle(axes, lines.values(), top, axis.words)
     _scales(axes, axis, finite, top if _some_never(measure, cells) else None)
     if joined and len(lines) > 1:
@@ -162,7 +162,7 @@ def _panel(
 def _clouds(settings: Sequence[str], cells: Sequence[CellFigures], drawn: Sequence[Axis]) -> bool:
     """Is there a panel with more combinations of the other settings than can be lines, and with few values?"""
     return any(
-        len(axis.at) <= STEPS_MAX
+        _shared(axis, cells)
         and len(
             {
                 (*cell.key[: settings.index(axis.name)], *cell.key[settings.index(axis.name) + 1 :])
@@ -172,6 +172,11 @@ def _clouds(settings: Sequence[str], cells: Sequence[CellFigures], drawn: Sequen
         > LINES_MAX
         for axis in drawn
     )
+
+
+def _shared(axis: Axis, cells: Sequence[CellFigures]) -> bool:
+    """Do several cells stand at each value, mostly? Elsewhere their median is but the cell, and no trend."""
+    return len(axis.at) <= STEPS_MAX and 2 * len(axis.at) <= len(cells)
 
 
 def _bars(axes: Axes, line: Sequence[tuple[float, Interval]], top: float, colour: str, width: float) -> None:

@@ -60,7 +60,8 @@ def page_of(sweep: Path, settings: list[str], rows: list[Row]) -> str:
         _experiment_part(sweep),
     ]
     done = sum(row.get(STATUS) == "done" for row in rows)
-    lead = f"{done} finished runs of {len(cells)} cells; swept: {', '.join(settings) or 'the seed alone'}"
+    lead = f"{_counted(done, 'finished run')} of {_counted(len(cells), 'cell')}; "
+    lead += f"swept: {', '.join(settings) or 'the seed alone'}"
     heading = f"The sweep {name}"
     return report_page.page(
         f"swarmer: {name}", heading, verdict(measures, settings, cells), lead, _notes(sweep), parts
@@ -81,7 +82,12 @@ def verdict(measures: Sequence[Measure], settings: Sequence[str], cells: Sequenc
         told.append(
             f"least {measure.title}: {value:.3g}" + (f" ({where})" if where and len(having) > 1 else "")
         )
-    return "; ".join(told) + "."
+    text = "; ".join(told) + "."
+    return text[:1].upper() + text[1:]
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _figures(

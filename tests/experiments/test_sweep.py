@@ -296,7 +296,7 @@ def test_a_file_of_someone_else_that_is_called_like_ours_is_not_overwritten(name
 def test_a_table_of_another_format_is_refused_and_stays(text, write, tmp_path):
     in_process(write(TINY), tmp_path / "o")
     (tmp_path / "o" / "results.csv").write_text(text)
-    with pytest.raises(BadInput, match=r"results.csv' is not allowed; .* is not a table of runs"):
+    with pytest.raises(BadInput, match=r"results.csv: is not a table of runs.*; choose another directory"):
         in_process(write(TINY.replace("seeds: 2", "seeds: 3")), tmp_path / "o")
     assert (tmp_path / "o" / "results.csv").read_text() == text
     assert len(summaries(tmp_path / "o")) == 4

@@ -62,6 +62,7 @@ def test_the_page_has_a_figure_of_each_measure_the_table_and_the_experiment(swee
     assert 'id="over-time-to-hd-s-0-09"' in page
     assert "36 finished runs of 6 cells; swept: radio.loss, lambda_ms" in page
     assert "least seconds to HD &lt; 0.09: 4.5 (radio.loss=0, lambda_ms=100)" in page
+    assert "Least HD at the end" in page
     assert "the &lt;reason&gt;" in page
     assert "radio.loss 0.1" in page  # a line's name
     assert "Above the dotted line: never." in page
@@ -90,6 +91,21 @@ def test_many_combinations_are_points_with_their_data(sweep):
     page = write_sweep_report(sweep(["radio.loss", "lambda_ms"], rows)).read_text()
     assert "lambda_ms 50" not in page  # no legend of 40 lines
     assert "26 of 40 rows" in page or "21 of 40 rows" in page
+
+
+def test_a_median_is_drawn_where_several_cells_share_a_value_not_through_single_cells(sweep):
+    def page_of(etas):
+        rows = [(0.01 * at, 3 + at % etas, seed, "done", 0.1 * at, at) for at in range(12) for seed in (1, 2)]
+        return write_sweep_report(sweep(["radio.loss", "eta"], rows)).read_text()
+
+    words = "The red mark is the median of all cells at that value."
+    assert words in page_of(etas=4)
+    assert words not in page_of(etas=12)
+
+
+def test_one_run_is_counted_as_one(sweep):
+    page = write_sweep_report(sweep(["eta"], [(3, 1, "done", 0.1, 5)])).read_text()
+    assert "1 finished run of 1 cell; swept: eta" in page
 
 
 def test_axes_are_numbers_or_words_and_logarithmic_where_values_crowd_below():

@@ -83,10 +83,9 @@ class Commands:
         with contextlib.suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
             sock.connect((other.rpartition("@")[2], 9))  # nothing is sent
             return str(sock.getsockname()[0])
-        raise BadInput(
-            "cluster.listen",
-            None,
-            f"{other} is no name on this network; the address at which hosts reach this machine",
+        raise BadInput.saying(
+            f"cluster.hosts: {other} is no name on this network; where only cluster.launch knows it, give "
+            "cluster.listen the address at which hosts reach this machine"
         )
 
     def start(self, name: str, orders: bytes) -> Launched:
