@@ -118,7 +118,9 @@ def figure_of(
     caption = f"The {estimate} over the seeds of each cell, with its 95 % interval."
     caption += " Above the dotted line: never." if _some_never(measure, cells) else ""
     left = len(axes) - len(drawn)
-    caption += " The red mark is the median of all cells at that value." if _clouds(settings, cells, drawn) else ""
+    caption += (
+        " The red mark is the median of all cells at that value." if _clouds(settings, cells, drawn) else ""
+    )
     caption += f" {left} more settings are in the table." if left > 0 else ""
     columns = [*settings, "runs", estimate, "low", "high"]
     rows = [[*cell.key, cell.runs, *_bounds(cell.values.get(measure.column))] for cell in cells]
