@@ -27,8 +27,8 @@ Challenges, their answers and leases go to neighbours. From the smallest display
 grow by less than a fifth; an FLS hears nearly twice as many challenges, and leases are renewed for as long as a
 formation lasts. What grows most is what a swarm tells **all** its members. Each time one of its FLSs anchors or
 localizes, SET_WAITING tells the others to wait and SET_AVAILABLE that it is over; in a swarm of half the display either
-reaches half the display. FOLLOW_MERGE, which only the swarm that moves is told, grows too, but slower, for the larger of
-two swarms seldom moves: the lowest Swarm-ID wins."""
+reaches half the display. FOLLOW_MERGE, which only the swarm that moves is told, grows too, but slower, for the larger
+of two swarms seldom moves: the lowest Swarm-ID wins."""
 
 OWNER = """\
 With `roster`, the default, every FLS reports to its swarm's owner when it joins, and the owner thaws when it has
