@@ -87,8 +87,8 @@ ASSUMPTIONS = """\
 - Hosts' cores are as fast as those measured; a switch between hosts carries what relays send (a copy is under 200
   bytes).
 - One seed. At 1000 FLSs five seeds lie between 1.6 and 2.0 s, 12.2 and 14.6 datagrams sent, 44 and 57 delivered.
-- The display forms without pause. `swarmer doctor`, whose trial also rests, puts some 330 FLSs on two such cores at time
-  scale 1, 165 to a core; the table has 78 to a core for 10,000.
+- The display forms without pause. `swarmer doctor`, whose trial also rests, puts some 330 FLSs on two such cores at
+  time scale 1, 165 to a core; the table has 78 to a core for 10,000.
 - The time of a formation is that of its merging: flights are short, for after the first formation everyone is near
   its place.
 - At a million the laws are a factor of ten beyond what was counted; the exponents are small, so an error of 0.05 in
