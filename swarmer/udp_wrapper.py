@@ -12,6 +12,7 @@ import ctypes
 import errno
 import socket
 import struct
+import time
 from array import array
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -219,6 +220,9 @@ NEW_SWARM = b"T"  # to the relay
 NO_ROOM = frozenset((errno.ENOMEM, errno.ENOBUFS, errno.EAGAIN, errno.ECONNREFUSED, errno.EPERM))
 
 
+WAIT_FOR_THE_DEAD_S = 2.0
+
+
 def open_socket(address: str, wires: Wires, shared: bool = False) -> socket.socket:
     """A non-blocking UDP socket at `address` and the run's port; `shared`: others listen there too."""
     sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC)
@@ -227,11 +231,25 @@ def open_socket(address: str, wires: Wires, shared: bool = False) -> socket.sock
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, wires.receive_buffer)
-        sock.bind((address, wires.port))
+        _bind(sock, (address, wires.port))
     except OSError:
         sock.close()
         raise
     return sock
+
+
+def _bind(sock: socket.socket, address: tuple[str, int]) -> None:
+    """Bind it. An address that is taken is tried for a while: the port is ours alone, but FLSs of a run that was
+    killed are gone only some moments after its engine, and after its claim to the port.
+    """
+    end = time.monotonic() + WAIT_FOR_THE_DEAD_S
+    while True:
+        try:
+            return sock.bind(address)
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE or time.monotonic() > end:
+                raise
+        time.sleep(0.05)
 
 
 def lock_port(wanted: int) -> socket.socket:

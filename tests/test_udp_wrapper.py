@@ -2,6 +2,7 @@
 
 import random
 import socket
+import threading
 import time
 from array import array
 
@@ -186,3 +187,17 @@ def test_a_port_belongs_to_one_run():
         assert first.getsockname()[1] != second.getsockname()[1]
         with pytest.raises(OSError, match="is taken"):
             lock_port(first.getsockname()[1])
+
+
+def test_an_address_that_a_dying_fls_still_has_is_waited_for(monkeypatch):
+    """The engine of another run was killed: its port is free at once, its FLSs are gone a moment later."""
+    with lock_port(0) as lock:
+        port = lock.getsockname()[1]
+        dying = open_socket(address_of(3), Wires(port))
+        end = threading.Timer(0.3, dying.close)
+        end.start()
+        with open_socket(address_of(3), Wires(port)):
+            end.join()
+            monkeypatch.setattr("swarmer.udp_wrapper.WAIT_FOR_THE_DEAD_S", 0.1)
+            with pytest.raises(OSError, match="in use"):
+                open_socket(address_of(3), Wires(port))
