@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 from swarmer.physics.sensing import Vec3
 
+NO_DIRECTION = 1e-12  # cells: what is measured so short has no direction to be off along
+
 
 class SensorFault(NamedTuple):
     """One, from an emulated second on until another. As `faults.Fault` has it."""
@@ -36,7 +38,7 @@ def sensed(vector: Vec3, faults: Sequence[SensorFault], now: float, rng: Random)
             factor = 0.0
         elif fault.what == "bias":
             length = math.hypot(*vector)
-            factor = max(0.0, length + fault.by) / length if length else 1.0
+            factor = max(0.0, length + fault.by) / length if length > NO_DIRECTION else 1.0
         else:
             factor = fault.by if rng.random() < fault.p else 1.0
         vector = (vector[0] * factor, vector[1] * factor, vector[2] * factor)

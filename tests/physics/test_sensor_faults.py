@@ -50,6 +50,10 @@ def test_several_at_once():
     assert math.hypot(*sensed(TRUE, both, 1.0, Random(1))) == pytest.approx(28.0)
 
 
+def test_a_length_of_next_to_nothing_is_left_as_it_is():
+    assert sensed((5e-324, 0.0, 0.0), [fault("bias", 1.0)], 1.0, Random(1)) == (5e-324, 0.0, 0.0)
+
+
 cells = st.floats(-1e6, 1e6)
 
 
