@@ -47,6 +47,17 @@ def test_moments_have_pictures_and_nothing_hangs_over(page):
     assert page.locator("figcaption .narrow").is_visible() == scrolls
 
 
+def test_a_box_of_talk_says_that_it_scrolls_where_it_does(page):
+    page.locator("#choice button").first.click()
+    box = page.locator("#talk .talk")
+    scrolls = box.evaluate("box => box.scrollWidth > box.clientWidth")
+    page.evaluate("new Promise(requestAnimationFrame)")
+    assert scrolls == (page.viewport_size["width"] < 600)
+    assert page.locator("#talk .narrow").count() == scrolls
+    if scrolls:
+        assert "to the right" in page.locator("#talk .narrow").inner_text()
+
+
 def test_a_moment_is_chosen_on_the_curve_by_keyboard(page):
     assert page.locator("#rise-2").get_attribute("open") is None
     page.locator("#curve a[href='#rise-2']").focus()

@@ -124,7 +124,12 @@
     const first = shown.slice(0, MOST_ROWS), spare = Math.min(...first.map((row) => row[LINE].search(/\S/)));
     first.forEach((row) => list.append(lineOf(row, spare)));
     frame.append(picture(first, fids, `${label}: lanes ${lanesOf(first, fids).join(", ")}`), list);
-    return frame;
+    const hint = document.createElement("span"), whole = document.createElement("div");
+    hint.className = "narrow";
+    hint.textContent = "Wider than this screen: what was said stands to the right of the lanes.";
+    whole.append(hint, frame);
+    requestAnimationFrame(() => { if (frame.scrollWidth <= frame.clientWidth) hint.remove(); });
+    return whole;
   }
 
   // -- the life of one FLS on a line ---------------------------------------------------------------------------------
