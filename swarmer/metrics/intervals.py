@@ -99,7 +99,7 @@ def _rank(n: int, level: float) -> tuple[int, float]:
     """
     rank, below = 1, 0.5**n  # below: P(Binomial(n, 1/2) < rank)
     while rank + 1 <= n / 2:
-        next_below = below + math.comb(n, rank) * 0.5**n
+        next_below = below + math.comb(n, rank) / 2**n  # whole numbers: of many values no float holds them
         if 1 - 2 * next_below < level:
             break
         rank, below = rank + 1, next_below

@@ -56,6 +56,15 @@ def test_the_ranks_are_those_of_the_tables():
     assert median(list(range(1, 21)))[:3] == (10.5, 6, 15)
 
 
+@pytest.mark.parametrize("n", [1_000, 5_000])
+def test_of_many_values_the_ranks_are_those_of_the_binomial(n):
+    found = median([float(value) for value in range(1, n + 1)])
+    rank = int(found.low)
+    assert found.high == n + 1 - rank
+    assert found.level == pytest.approx(1 - 2 * stats.binom.cdf(rank - 1, n, 0.5))
+    assert found.level >= 0.95 > 1 - 2 * stats.binom.cdf(rank, n, 0.5)
+
+
 def test_a_run_that_never_got_there_is_the_latest_of_all():
     assert median([1, 2, 3, 4, 5, 6, NEVER])[:3] == (4, 1, NEVER)
     assert median([1, 2, NEVER, NEVER, NEVER, NEVER]).estimate == NEVER
