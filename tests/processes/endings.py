@@ -24,7 +24,7 @@ import uuid
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from random import Random
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -171,8 +171,9 @@ def _start(case: Case, out: Path, mark: str, terminal: Terminal | None = None) -
     if case.engine == "virtual":  # as long as a moment may be late
         arguments += ["--duration", "20000", "--set", "lambda_ms=50"]
     environment = {**os.environ, MARK: mark}
+    program = RUN
     if case.viewer == "desktop":
-        environment["DISPLAY"] = ":99"
+        program, environment["DISPLAY"] = DESKTOP + RUN, ":99"
     if case.call:
         paths = [str(HERE / "sabotage"), os.environ.get("PYTHONPATH", "")]
         environment |= {"SWARMER_SABOTAGE": case.call, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
@@ -189,7 +190,7 @@ def _start(case: Case, out: Path, mark: str, terminal: Terminal | None = None) -
 
     ends = subprocess.PIPE if terminal is None else terminal.slave
     process = subprocess.Popen(
-        [sys.executable, "-c", (DESKTOP if case.viewer == "desktop" else "") + RUN, *arguments], stdin=None if terminal is None else ends, stdout=ends, stderr=ends,
+        [sys.executable, "-c", program, *arguments], stdin=None if terminal is None else ends, stdout=ends, stderr=ends,
         text=True, env=environment, preexec_fn=before, start_new_session=terminal is not None,
     )  # fmt: skip
     if terminal is not None:
@@ -289,11 +290,7 @@ def _status(case: Case, code: int, err: str, out: Path) -> str | None:
     summary = json.loads((out / "summary.json").read_text()) if (out / "summary.json").exists() else None
     status = summary and summary["status"]
     if case.way in SURVIVED:
-        if code != 0 or status != "done":
-            return f"it should have gone on: {status}"
-        if case.viewer and err.count("live: the viewer is gone; the run goes on without it") != 1:
-            return "it does not say that its viewer is gone"
-        return "it heard the other run" if summary["rejected"] else None
+        return _went_on(case, code, err, summary)
     numbers = ENDED_BY.get(case.way)
     if numbers is None:
         may = {0: "done", 1: "failed", 2: None}
@@ -316,6 +313,14 @@ def _status(case: Case, code: int, err: str, out: Path) -> str | None:
         )
     # Before it had begun anything a signal may simply end it.
     return None if -code in numbers and not out.exists() else "an exit status that is none of ours"
+
+
+def _went_on(case: Case, code: int, err: str, summary: dict[str, Any] | None) -> str | None:
+    if code != 0 or summary is None or summary["status"] != "done":
+        return f"it should have gone on: {summary and summary['status']}"
+    if case.viewer and err.count("live: the viewer is gone; the run goes on without it") != 1:
+        return "it does not say that its viewer is gone"
+    return "it heard the other run" if summary["rejected"] else None
 
 
 def _files(out: Path) -> str | None:
