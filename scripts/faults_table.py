@@ -5,6 +5,7 @@ python scripts/faults_table.py ends runs/loss_ends                   loss at sen
 python scripts/faults_table.py failures runs/failures [--picture P]  HD and share lit
 python scripts/faults_table.py joins runs/failures                   how soon replacements join; plays the runs again
 python scripts/faults_table.py joins_seen runs/failures              the same by the samples, for any engine
+python scripts/faults_table.py strikes runs/strikes                  faults of FLSs and sensors: HD, lit
 python scripts/faults_table.py partition runs/partition              when the parts, and when all, are one swarm
 """
 
@@ -14,6 +15,7 @@ import argparse
 import math
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +39,7 @@ ENOUGH, RUNS_LEAST = 500, 3  # joins; runs that have an interval
 EVERY_S, LONGEST_S = 0.5, 3600.0  # between two points of a curve; of a run
 LOSS, LAMBDA, RATE, POLICY, BURST = "radio.loss", "lambda_ms", "failure.rate", "thaw.policy", "radio.burst"
 ENDS = {"radio.loss_sender": "the sender", "radio.loss_receiver": "the receiver", LOSS: "both ends"}
+FORMED_S = 2.5  # after which a small shape has formed, without faults
 MOMENTS_S = (10, 20, 30, 45, 60)  # of the HD over time
 
 
@@ -344,6 +347,63 @@ def partition(cells: Cells, sweep: Path) -> str:
     return table(titles, lines)
 
 
+# -- what strikes FLSs and their sensors -----------------------------------------------------------------------------
+
+
+def strikes(cells: Cells, sweep: Path) -> str:
+    """A row for each schedule: the highest HD, how long after it struck last HD was above 1 and 0.1, the share lit."""
+    titles = ["fault", "runs", "highest HD", "HD < 1 again, s", "HD < 0.1 again, s", "lit"]
+    lines = []
+    for rows in cells.values():
+        runs = [load(sweep / row[RUN]) for row in rows]
+        found = [[highest_hd(run), *(again_s(run, hd) for hd in (1.0, 0.1)), share_lit(run)] for run in runs]
+        highest, one, tenth, lit = (list(its) for its in zip(*found, strict=True))
+        lines.append([
+            ", ".join(dict.fromkeys(map(partial(_words, runs[0].config), _schedule(runs[0])))), str(len(runs)),
+            _range(highest, "{:.2g}"), _range(one, "{:.1f}"), _range(tenth, "{:.1f}"),
+            _range([100 * share for share in lit], "{:.1f}") + " %",
+        ])  # fmt: skip
+    return table(titles, lines)
+
+
+def _range(values: list[float], form: str) -> str:
+    """The median, the least and the greatest."""
+    shown = [form.format(value) for value in (float(np.median(values)), min(values), max(values))]
+    return shown[0] if len(set(shown)) == 1 else f"{shown[0]} [{shown[1]}, {shown[2]}]"
+
+
+def _schedule(run: SavedRun) -> list[dict[str, Any]]:
+    return list(run.config["faults"]["schedule"])
+
+
+def _words(config: dict[str, Any], fault: dict[str, Any]) -> str:
+    whom = " of a swarm" if "swarm_of" in fault["where"] else ""
+    return fault["what"] + (" of an oracle" if config["oracle"]["count"] else whom)
+
+
+def struck_s(run: SavedRun) -> float:
+    """When the last fault struck that does so at once, or ended, or had its FLSs given up."""
+    hang_s = run.config["failure"]["hang_s"] or math.inf
+    lengths = {"kill": 0.0, **dict.fromkeys(("loss", "delay", "duplicate"), -math.inf)}
+    return max(
+        fault["at"] + lengths.get(fault["what"], min(fault.get("for", 0.0), hang_s))
+        for fault in _schedule(run)
+    )
+
+
+def highest_hd(run: SavedRun) -> float:
+    """From when they have formed without any fault, cells."""
+    timeline = _timeline(run)
+    return float(np.nanmax(timeline.hd_cells[timeline.t_s > FORMED_S]))
+
+
+def again_s(run: SavedRun, hd: float) -> float:
+    """How long after it was struck last the HD was not below `hd`, to a sample; 0 if it was all the time."""
+    timeline, struck = _timeline(run), struck_s(run)
+    above = timeline.t_s[~(timeline.hd_cells < hd) & (timeline.t_s > struck)]
+    return float(above[-1] - struck) if len(above) else 0.0
+
+
 def _times(times: list[float]) -> str:
     """The median, its interval, and how many ever got there."""
     shown = bounded(median(times), lambda t_s: "never" if t_s == NEVER else f"{t_s:.2f}")
@@ -382,6 +442,7 @@ TABLES = {
     "joins": joins,
     "joins_seen": joins_seen,
     "partition": partition,
+    "strikes": strikes,
 }
 
 if __name__ == "__main__":

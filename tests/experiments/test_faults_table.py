@@ -96,7 +96,22 @@ def test_a_partition(tmp_path):
     assert 0 < float(healed[0].split()[0]) < 3
 
 
-@pytest.mark.parametrize("what", ["map", "ends", "failures", "joins", "partition"])
+def test_what_strikes_flss(tmp_path):
+    base = BASE.replace("base: {", "base:\n  ").replace("}\n", "").replace(", ", "\n  ") % 8
+    dead = "{at: 0, for: 4.03, what: dead_sensor, where: {share: 0.5}}"
+    kill = "{at: 4.03, what: kill, where: {swarm_of: 1}, for: 1}"
+    blocks = "".join(f"  - base: {{faults.schedule: [{fault}]}}\n" for fault in (dead, kill))
+    head, _, sensors, swarm = told("strikes", swept(tmp_path, f"{base}\nblocks:\n{blocks}seeds: 2\n"))
+    assert head[2:5] == ["highest HD", "HD < 1 again, s", "HD < 0.1 again, s"]
+    assert (sensors[0], sensors[-1]) == ("dead_sensor", "100.0 %")
+    assert swarm[0] == "kill of a swarm"
+    assert float(sensors[2].split()[0]) > 1
+    assert 0 < float(sensors[3].split()[0]) <= float(sensors[4].split()[0]) < 4
+    assert 1 < float(swarm[4].split()[0]) < 4
+    assert 60 < float(swarm[-1].split()[0]) < 95
+
+
+@pytest.mark.parametrize("what", ["map", "ends", "failures", "joins", "partition", "strikes"])
 def test_no_sweep_is_one_line(tmp_path, what):
     done = subprocess.run([sys.executable, SCRIPT, what, tmp_path], capture_output=True, text=True)
     assert done.returncode == 1
