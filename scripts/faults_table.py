@@ -4,6 +4,8 @@ python scripts/faults_table.py map runs/loss_map [--picture PATH]    HD at the e
 python scripts/faults_table.py ends runs/loss_ends                   loss at sender, receiver, both: HD, one swarm
 python scripts/faults_table.py failures runs/failures [--picture P]  HD and share lit
 python scripts/faults_table.py joins runs/failures                   how soon replacements join; plays the runs again
+python scripts/faults_table.py joins_seen runs/failures              the same by the samples, for any engine
+python scripts/faults_table.py strikes runs/strikes                  faults of FLSs and sensors: HD, lit
 python scripts/faults_table.py partition runs/partition              when the parts, and when all, are one swarm
 """
 
@@ -12,6 +14,8 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +39,7 @@ ENOUGH, RUNS_LEAST = 500, 3  # joins; runs that have an interval
 EVERY_S, LONGEST_S = 0.5, 3600.0  # between two points of a curve; of a run
 LOSS, LAMBDA, RATE, POLICY, BURST = "radio.loss", "lambda_ms", "failure.rate", "thaw.policy", "radio.burst"
 ENDS = {"radio.loss_sender": "the sender", "radio.loss_receiver": "the receiver", LOSS: "both ends"}
+FORMED_S = 2.5  # after which a small shape has formed, without faults
 MOMENTS_S = (10, 20, 30, 45, 60)  # of the HD over time
 
 
@@ -166,15 +171,16 @@ def _number(cell: str | None) -> float:
 
 def failures(cells: Cells, sweep: Path) -> str:
     """A row for each rate: failures, HD at some moments, the mean share lit."""
-    over_time = [f"HD at {at} s" for at in MOMENTS_S]
-    titles = ["failures per FLS and s", "runs", "failures", *over_time, "lit"]
+    found = [(rows, [load(sweep / row[RUN]) for row in rows]) for rows in cells.values()]
+    shortest_s = min(float(_timeline(run).t_s[-1]) for _, runs in found for run in runs)
+    moments_s = [at for at in MOMENTS_S if at < shortest_s + EVERY_S]
+    titles = ["failures per FLS and s", "runs", "failures", *(f"HD at {at} s" for at in moments_s), "lit"]
     lines = []
-    for rows in cells.values():
-        runs = [load(sweep / row[RUN]) for row in rows]
+    for rows, runs in found:
         lines.append([
             f"{100 * float(rows[0][RATE]):g} %", str(len(runs)),
             bounded(median([float(row["failures"]) for row in rows]), lambda value: f"{value:.0f}"),
-            *(bounded(median([hd_at(run, at) for run in runs]), lambda hd: f"{hd:.2g}") for at in MOMENTS_S),
+            *(bounded(median([hd_at(run, at) for run in runs]), lambda hd: f"{hd:.2g}") for at in moments_s),
             f"{100 * float(np.mean([share_lit(run) for run in runs])):.1f} %",
         ])  # fmt: skip
     return table(titles, lines)
@@ -243,8 +249,45 @@ class Joins(Witness):
         return sum(lit_s < NEVER for lit_s in self._lit_s.values())
 
 
-def joins(cells: Cells, sweep: Path) -> str:
-    """A row for each rate: how soon the replacements of its first runs joined, until there are enough of them."""
+def seen(run: Path) -> tuple[float, list[float], int]:
+    """λ, how long each replacement was lit and alone, seconds, by the samples of any engine; how many never joined.
+
+    Whoever has just landed and lit up stands still until it localizes, or follows: so it has joined when it moves, also
+    where it is alone again at the next sample. To a sample, either way.
+    """
+    saved = load(run)
+    timeline = _timeline(saved)
+    launched = {event.fid: event.t_s for event in reversed(saved.events) if event.kind == "replacement"}
+    waits_s: list[float] = []
+    failed = 0
+    for fid, first_s in launched.items():
+        lit, place = timeline.lit[:, fid - 1], timeline.position[:, fid - 1]
+        alone = timeline.swarm[:, fid - 1] == fid
+        for at in np.flatnonzero(lit[1:] & ~lit[:-1]) + 1:
+            if timeline.t_s[at] < first_s:
+                continue
+            dark = np.flatnonzero(~lit[at:])
+            ends = at + int(dark[0]) if len(dark) else len(lit)
+            joined = ~alone[at:ends] | (place[at:ends] != place[at]).any(axis=1)
+            if joined.any():
+                waits_s.append(float(timeline.t_s[at + int(joined.argmax())] - timeline.t_s[at]))
+            else:
+                failed += 1
+    return float(saved.config["lambda_ms"]) / 1e3, waits_s, failed
+
+
+def joins_seen(cells: Cells, sweep: Path) -> str:
+    """`joins`, by the samples."""
+    return joins(cells, sweep, seen)
+
+
+def joins(
+    cells: Cells, sweep: Path, look: Callable[[Path], tuple[float, list[float], int]] | None = None
+) -> str:
+    """A row for each rate: how soon the replacements of its first runs joined, until there are enough of them.
+
+    look: at a run, for what `seen` gives of it; None: to the event, in a run played again.
+    """
     titles = [
         "failures per FLS and s",
         "runs",
@@ -258,9 +301,9 @@ def joins(cells: Cells, sweep: Path) -> str:
         waits: list[float] = []
         failed = runs = 0
         for row in rows if float(rows[0][RATE]) else ():
-            lambda_s, found = watched(sweep / row[RUN])
-            waits += [wait_s / lambda_s for wait_s in found.waits_s]
-            failed, runs = failed + found.failed, runs + 1
+            lambda_s, waits_s, never = (look or watched)(sweep / row[RUN])
+            waits += [wait_s / lambda_s for wait_s in waits_s]
+            failed, runs = failed + never, runs + 1
             if len(waits) >= ENOUGH:
                 break
         if waits:
@@ -272,15 +315,17 @@ def joins(cells: Cells, sweep: Path) -> str:
     return table(titles, lines)
 
 
-def watched(run: Path) -> tuple[float, Joins]:
-    """λ in seconds, and what was seen when the run was played once more. Raises ValueError for another engine's."""
+def watched(run: Path) -> tuple[float, list[float], int]:
+    """What `seen` gives, when the run is played once more. Raises ValueError for another engine's."""
     plan = make_plan(load_config(run / "config.yaml"))
     if plan.config.engine != "virtual":
-        raise ValueError(f"{run}: of the engine {plan.config.engine}; only virtual plays the same run again")
+        raise ValueError(
+            f"{run}: of the engine {plan.config.engine}; only virtual plays the same run again; joins_seen"
+        )
     found = Joins()
     with VirtualEngine(plan, (found,)) as engine:
         engine.run(Onlooker())
-    return plan.rules.lambda_s, found
+    return plan.rules.lambda_s, found.waits_s, found.failed
 
 
 # -- partitions ------------------------------------------------------------------------------------------------------
@@ -300,6 +345,63 @@ def partition(cells: Cells, sweep: Path) -> str:
             ]
         )
     return table(titles, lines)
+
+
+# -- what strikes FLSs and their sensors -----------------------------------------------------------------------------
+
+
+def strikes(cells: Cells, sweep: Path) -> str:
+    """A row for each schedule: the highest HD, how long after it struck last HD was above 1 and 0.1, the share lit."""
+    titles = ["fault", "runs", "highest HD", "HD < 1 again, s", "HD < 0.1 again, s", "lit"]
+    lines = []
+    for rows in cells.values():
+        runs = [load(sweep / row[RUN]) for row in rows]
+        found = [[highest_hd(run), *(again_s(run, hd) for hd in (1.0, 0.1)), share_lit(run)] for run in runs]
+        highest, one, tenth, lit = (list(its) for its in zip(*found, strict=True))
+        lines.append([
+            ", ".join(dict.fromkeys(map(partial(_words, runs[0].config), _schedule(runs[0])))), str(len(runs)),
+            _range(highest, "{:.2g}"), _range(one, "{:.1f}"), _range(tenth, "{:.1f}"),
+            _range([100 * share for share in lit], "{:.1f}") + " %",
+        ])  # fmt: skip
+    return table(titles, lines)
+
+
+def _range(values: list[float], form: str) -> str:
+    """The median, the least and the greatest."""
+    shown = [form.format(value) for value in (float(np.median(values)), min(values), max(values))]
+    return shown[0] if len(set(shown)) == 1 else f"{shown[0]} [{shown[1]}, {shown[2]}]"
+
+
+def _schedule(run: SavedRun) -> list[dict[str, Any]]:
+    return list(run.config["faults"]["schedule"])
+
+
+def _words(config: dict[str, Any], fault: dict[str, Any]) -> str:
+    whom = " of a swarm" if "swarm_of" in fault["where"] else ""
+    return fault["what"] + (" of an oracle" if config["oracle"]["count"] else whom)
+
+
+def struck_s(run: SavedRun) -> float:
+    """When the last fault struck that does so at once, or ended, or had its FLSs given up."""
+    hang_s = run.config["failure"]["hang_s"] or math.inf
+    lengths = {"kill": 0.0, **dict.fromkeys(("loss", "delay", "duplicate"), -math.inf)}
+    return max(
+        fault["at"] + lengths.get(fault["what"], min(fault.get("for", 0.0), hang_s))
+        for fault in _schedule(run)
+    )
+
+
+def highest_hd(run: SavedRun) -> float:
+    """From when they have formed without any fault, cells."""
+    timeline = _timeline(run)
+    return float(np.nanmax(timeline.hd_cells[timeline.t_s > FORMED_S]))
+
+
+def again_s(run: SavedRun, hd: float) -> float:
+    """How long after it was struck last the HD was not below `hd`, to a sample; 0 if it was all the time."""
+    timeline, struck = _timeline(run), struck_s(run)
+    above = timeline.t_s[~(timeline.hd_cells < hd) & (timeline.t_s > struck)]
+    return float(above[-1] - struck) if len(above) else 0.0
 
 
 def _times(times: list[float]) -> str:
@@ -334,7 +436,14 @@ def _timeline(run: SavedRun) -> Any:
     return run.timeline
 
 
-TABLES = {"ends": ends, "failures": failures, "joins": joins, "partition": partition}
+TABLES = {
+    "ends": ends,
+    "failures": failures,
+    "joins": joins,
+    "joins_seen": joins_seen,
+    "partition": partition,
+    "strikes": strikes,
+}
 
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))

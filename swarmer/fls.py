@@ -122,7 +122,7 @@ class BaseFls(ABC):
         if rules.failure_rate > 0:
             self.wait(FAILURE, now + self.own_stream("failure").expovariate(rules.failure_rate))
         if rules.battery_s > 0:
-            self.wait(BATTERY, now + rules.battery_s)
+            self.wait(BATTERY, max(now, self.spec.launch_at_s) + rules.battery_s)
         if self.spec.then is not None:
             self.wait(NEW_SHAPE, rules.change_s or 0.0)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from swarmer.fls import BATTERY, LANDING, NEVER, BaseFls
+from swarmer.fls import BATTERY, LANDING, LAUNCH, NEVER, BaseFls
 from swarmer.messages import NO_SWARM, Vec3
 from swarmer.physics.battery import Battery
 from swarmer.standbys import handover_s
@@ -22,6 +22,8 @@ class ChargedFls(BaseFls):
             used = self.own_stream("battery").uniform(0.0, 1.0 - reserve) if first else 0.0
             self._battery = Battery(flight_s, light_s, reserve, used)
         super().begin()
+        if self.spec.waits_at is not None:  # called before there was a process: that is no lateness
+            self.wait(LAUNCH, max(self.spec.launch_at_s, self.now()))
 
     def lasts(self) -> None:
         """From now on its battery lasts for ever."""

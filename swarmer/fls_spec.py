@@ -16,6 +16,8 @@ class NextSpec(NamedTuple):
     reach: float = 0.0
     near: tuple[int, ...] = ()
     distances: tuple[float, ...] = ()
+    group: int = 0  # that of the first shape whose standby it is left, or one beyond
+    standby: Vec3 | None = None
 
 
 class FlsSpec(NamedTuple):
@@ -44,7 +46,7 @@ class FlsSpec(NamedTuple):
             return self
         return self._replace(
             truth=then.truth, neighbours=then.neighbours, reach=then.reach, near=then.near,
-            distances=then.distances, epoch=then.epoch, then=None,
+            distances=then.distances, epoch=then.epoch, group=then.group, standby=then.standby, then=None,
         )  # fmt: skip
 
     @property
@@ -67,10 +69,14 @@ class FlsSpec(NamedTuple):
 def successor(spec: FlsSpec, now_s: float, change_s: float | None) -> FlsSpec | None:
     """What replaces an FLS that is gone, launched now; None: its point is no more.
 
-    change_s: when the next shape begins, if there is one.
+    change_s: when the next shape begins, if there is one. Who is for that alone is not launched before.
     """
-    if change_s is not None and now_s >= change_s:
-        if spec.leaves:
-            return None
-        spec = spec.changed()
-    return spec._replace(incarnation=spec.incarnation + 1, launch_at_s=now_s, waits_at=None)
+    launch_at_s = now_s
+    if change_s is not None:
+        if now_s >= change_s:
+            if spec.leaves:
+                return None
+            spec = spec.changed()
+        elif spec.epoch:
+            launch_at_s = change_s
+    return spec._replace(incarnation=spec.incarnation + 1, launch_at_s=launch_at_s, waits_at=None)

@@ -88,6 +88,19 @@ def test_it_measures_to_its_anchor_whoever_speaks_meanwhile(fls):
     assert measured == [(4.0 - x[0], 1.0 - x[1], 0.0 - x[2])]
 
 
+def test_a_relief_that_was_called_before_it_had_a_process_is_not_late(dark):
+    """Its flight began then; but that nobody could look at its launch earlier says nothing of the machine."""
+    middle = (8.0, 0.0, 0.0)
+    dark.spec = dark.spec._replace(waits_at=middle, launch_at_s=dark.now() - 5.0)
+    dark.flight = dark.flight._replace(start=middle)
+    dark.begin()
+    late = []
+    dark.timer_taken_up = late.append
+    assert dark.step()
+    assert late[0] < 2.5, "seconds"
+    assert dark.flight.begins_s == dark.spec.launch_at_s
+
+
 class Recorder:
     def __init__(self, into):
         self.into = into

@@ -60,7 +60,9 @@ class Dispatcher:
         self.replace: bool = setup["replace"]
         rules = self.run.rules
         self.batteries = any(rules.battery[:2])
-        self.standbys = Standbys(list(self.specs.values()), make_velocity(rules), rules.charge_s)
+        self.standbys = Standbys(
+            list(self.specs.values()), make_velocity(rules), rules.charge_s, rules.change_s
+        )
         self.shared = SharedMemory(self.run.rules.count, memory_fd)
         self.clock = Clock(self.shared)
         self.children: dict[int, int] = {}  # pid -> FID
@@ -240,7 +242,7 @@ class Dispatcher:
         if spec is None:
             return True
         if charges:  # it is relieved, or comes back (rule 13)
-            spec = self.standbys.relieved(self.specs[fid], self.clock.now())
+            spec = self.standbys.relieved(spec, self.clock.now())
         self.specs[fid] = spec
         if not self._launch(spec):
             return False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from itertools import count as counting
 from typing import TYPE_CHECKING, Any
 
 from swarmer.faults import from_data as faults_from_data
@@ -58,8 +59,8 @@ def fls_rows(plan: Plan) -> list[list[Any]]:
     stations = np.array(plan.config.deploy.dispatchers)
     starts = _random_starts(plan) if plan.rules.deploy_random else None
     launched = [0] * len(stations)
-    after = next_specs(plan)
     groups, places = standby_groups(plan.cloud.points, plan.config.battery.standby_group)
+    after = next_specs(plan, places)
     rows = []
     for row, point in enumerate(plan.cloud.points):
         station = int(np.argmin(((stations - point) ** 2).sum(axis=1)))
@@ -112,8 +113,11 @@ def standby_groups(points: Any, most: int) -> tuple[Any, Any]:
     return groups, np.array(places)
 
 
-def next_specs(plan: Plan) -> dict[int, NextSpec]:
-    """By FID, what each FLS is in the next shape; empty if there is none."""
+def next_specs(plan: Plan, before: Any) -> dict[int, NextSpec]:
+    """By FID, what each FLS is in the next shape; empty if there is none.
+
+    before: (groups, 3) where the standbys of the first shape wait, cells.
+    """
     from swarmer.shapes.neighbours import nearest_table
 
     shape = plan.next
@@ -122,14 +126,31 @@ def next_specs(plan: Plan) -> dict[int, NextSpec]:
     near, distances = nearest_table(shape.cloud.points, min(NEAR_MAX, len(shape.cloud) - 1))
     fids = shape.fids
     specs = {fid: NextSpec(SHAPE_EPOCHS, None) for fid in shape.leavers}
+    groups, places = standby_groups(shape.cloud.points, plan.config.battery.standby_group)
+    left = _left_groups(before, places)
     for row, fid in enumerate(fids.tolist()):
         neighbours = [int(fids[other - 1]) for other in shape.neighbours.neighbours[row]]
         specs[fid] = NextSpec(
             SHAPE_EPOCHS, tuple(shape.cloud.points[row].tolist()), tuple(neighbours),
             float(shape.neighbours.reach_cells[row]), tuple(fids[near[row] - 1].tolist()),
             tuple(distances[row].tolist()),
+            *((left[groups[row]], tuple(places[groups[row]].tolist())) if left else ()),
         )  # fmt: skip
     return specs
+
+
+def _left_groups(before: Any, places: Any) -> list[int]:
+    """What each group of the next shape is called: as that of the first whose standby it gets, or beyond all of them.
+
+    before, places: (groups, 3) where they wait in either shape. The sum of the squared ways is the least possible.
+    """
+    from swarmer.shapes.assignment import assign
+
+    if not len(places):
+        return []
+    point_of = assign(before, places).point_of.tolist()
+    fresh = counting(len(before))
+    return [point_of.index(at) if at in point_of else next(fresh) for at in range(len(places))]
 
 
 def why_it_left(rules: Rules, fid: int, t_s: float) -> str:
@@ -150,7 +171,7 @@ def _joiner(plan: Plan, fid: int, spec: NextSpec, stations: Any) -> list[Any]:
     return list(
         FlsSpec(
             fid, 0, spec.truth, spec.neighbours, spec.reach, spec.near, spec.distances,
-            stations[station].tolist(), plan.next.at_s, spec.epoch,
+            stations[station].tolist(), plan.next.at_s, spec.epoch, None, spec.group, spec.standby,
         )
     )  # fmt: skip
 

@@ -144,7 +144,7 @@ class _Run:
         rows = fls_rows(self.plan)
         rules = self.plan.rules
         flss = [fls_spec(row) for row in rows] if self.batteries else []
-        self.standbys = Standbys(flss, make_velocity(rules), rules.charge_s)
+        self.standbys = Standbys(flss, make_velocity(rules), rules.charge_s, rules.change_s)
         for row in rows:
             if self.stopping:
                 return
@@ -264,7 +264,7 @@ class _Run:
         if spec is None:  # its point is no more
             return
         if charges:
-            spec = self.standbys.relieved(self.flss[fid - 1].spec, now)
+            spec = self.standbys.relieved(spec, now)
         self.flss[fid - 1] = self._make(spec)
         self.ends["replaced"] += 1
         self.observer.event(Event(now, "replacement", fid, f"incarnation {spec.incarnation} launched"))

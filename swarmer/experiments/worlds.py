@@ -96,8 +96,7 @@ def draw_battery(rng: Random, settings: dict[str, Any]) -> dict[str, Any]:
     battery = {"battery.light_s": rng.uniform(1.0, 6.0), "battery.charge_s": rng.uniform(0.1, 1.0)}
     if rng.random() < 0.5:
         battery["battery.flight_s"] = rng.uniform(2.0, 6.0)
-    if "transition.shape" not in settings:
-        battery["battery.standby_group"] = rng.choice([0, 1, 3, 5])
+    battery["battery.standby_group"] = rng.choice([0, 1, 3, 5])
     return battery
 
 

@@ -1,6 +1,7 @@
 """Batteries, leaving to charge and standbys, in virtual time, with every invariant checked."""
 
 import shlex
+from math import dist
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,10 @@ from swarmer.config import load_config
 from swarmer.engines.specs import fls_rows, fls_spec, standby_groups
 from swarmer.engines.virtual import VirtualEngine
 from swarmer.errors import BadInput
+from swarmer.fls_spec import successor
 from swarmer.observe.invariants import Checks
 from swarmer.physics.battery import Battery
-from swarmer.physics.flight import Velocity
+from swarmer.physics.flight import Velocity, duration
 from swarmer.plan import make_plan
 from swarmer.standbys import Standbys, handover_s
 
@@ -86,13 +88,100 @@ def test_a_standby_is_in_the_air_before_its_owner_goes():
     pool = Standbys(flss, velocity, charge_s=3.0)
     one = flss[0]
     mates = [spec for spec in flss if spec.group == one.group and spec is not one]
-    first = pool.relieved(one, 50.0)
+    first = pool.relieved(successor(one, 50.0, None), 50.0)
     assert first.launch_at_s == pytest.approx(50.0 - handover_s(one, velocity))
     assert (first.begins_at, first.incarnation) == (one.standby, 1)
-    second = pool.relieved(mates[0], 50.0)
+    second = pool.relieved(successor(mates[0], 50.0, None), 50.0)
     assert second.launch_at_s > 53.0, "the only standby is gone: it waits for the first one to have charged"
-    third = pool.relieved(mates[1], 500.0)
+    third = pool.relieved(successor(mates[1], 500.0, None), 500.0)
     assert third.launch_at_s < 500.0
+
+
+CHANGE = {
+    "transition.shape": "cube",
+    "transition.at_s": 8,
+    "duration_s": 16,
+    "deploy.dispatchers": [[0, 0, 0], [20, 20, 20]],
+}
+
+
+@pytest.mark.parametrize("points", [20, 27, 12])
+def test_standbys_go_with_the_display_to_its_next_shape(points):
+    """With one for each light nobody leaves a gap, before, during and after: what is dark is on its way to join."""
+    change = {**CHANGE, "transition.points": points}
+    _, watcher = fly(**change, **{"battery.standby_group": 1})
+    lit = next(snapshot.t_s for snapshot in watcher.samples if snapshot.lit[:20].all())
+    for snapshot in watcher.samples:
+        joining = points > 20 and 8 <= snapshot.t_s < 10
+        member = watcher.plan.standings()[snapshot.t_s >= 8].member
+        if snapshot.t_s >= lit and not joining:
+            assert snapshot.lit[member].all(), snapshot.t_s
+    departed = [event.t_s for event in watcher.events if event.kind == "departure"]
+    assert min(departed) < 8
+    assert max(departed) > 9
+    assert watcher.progress.hd < 1
+
+
+def test_standbys_pay_over_a_transition_too():
+    change = {**CHANGE, "transition.points": 30}
+    found = [fly(**change, **{"battery.standby_group": group})[1].progress.illumination() for group in (0, 5)]
+    assert found[1]["illumination_mean"] > found[0]["illumination_mean"] + 0.05
+
+
+@pytest.mark.parametrize("points", [20, 27, 12])
+def test_the_groups_of_the_next_shape_take_over_the_nearest_standbys(points):
+    from swarmer.shapes.assignment import assign
+
+    change = {**CHANGE, "transition.points": points, "battery.standby_group": 5}
+    plan = make_plan(load_config(None, (), **{**CHARGING, **change}))
+    flss = [fls_spec(row) for row in fls_rows(plan)]
+    before = {spec.group: spec.standby for spec in flss[:20]}
+    after = {}
+    for spec in (spec.changed() for spec in flss if not spec.leaves):
+        assert after.setdefault(spec.group, spec.standby) == spec.standby
+        group = [
+            other.changed() for other in flss if not other.leaves and other.changed().group == spec.group
+        ]
+        assert np.allclose(np.mean([one.truth for one in group], axis=0), spec.standby)
+    assert len(after) == -(-points // 5)
+    assert sorted(after)[: min(4, len(after))] == sorted(set(before) & set(after)), (
+        "as few new ones as can be"
+    )
+    ways = [np.subtract(after[group], before[group]) for group in after if group in before]
+    best = assign(np.array(list(before.values())), np.array(list(after.values())))
+    assert np.square(ways).sum() == pytest.approx(best.squared_cells)
+
+
+def test_where_a_standby_is_when_the_next_shape_begins():
+    """One waits and flies over, one is on its way in and flies on, one still charges and comes straight."""
+    change = {**CHANGE, "transition.points": 30, "battery.standby_group": 5}
+    plan = make_plan(load_config(None, (), **{**CHARGING, **change}))
+    flss = [fls_spec(row) for row in fls_rows(plan)]
+    velocity = Velocity(*plan.rules.velocity)
+
+    def way_s(a, b):
+        return duration(dist(a, b), velocity)
+
+    def ready_s(spec, left_s):
+        """When the standby of its group is ready for its next light, if an FLS of it left at `left_s`."""
+        pool = Standbys(flss, velocity, 2.0, 8.0)
+        if left_s is not None:
+            pool.relieved(successor(spec, left_s, 8.0), left_s)
+        return pool.relieved(successor(spec, 8.0, 8.0), 8.0).launch_at_s
+
+    for group in range(4):
+        spec = next(spec for spec in flss if spec.group == group and spec.then.group == group)
+        there = spec.then.standby
+        home_s = way_s(spec.truth, spec.origin)
+        out_s = way_s(spec.origin, spec.standby)
+        over_s = way_s(spec.standby, there)
+        assert ready_s(spec, None) == pytest.approx(8.0 + over_s)
+        coming_s = 8.0 - 2.0 - home_s - out_s / 2
+        assert ready_s(spec, coming_s) == pytest.approx(8.0 + out_s / 2 + over_s)
+        charging_s = 8.0 - home_s
+        assert ready_s(spec, charging_s) == pytest.approx(10.0 + way_s(spec.origin, there))
+    new = next(spec for spec in flss if spec.then is None or spec.then.group > 3)
+    assert ready_s(new, None) == pytest.approx(8.0 + way_s(new.origin, new.changed().standby))
 
 
 def test_groups_are_near_and_small():
@@ -112,10 +201,6 @@ def test_groups_are_near_and_small():
     [
         ({"battery.light_s": 1e-6}, "battery.light_s"),
         ({"battery.light_s": 0, "battery.flight_s": 0, "battery.standby_group": 3}, "battery.standby_group"),
-        (
-            {"battery.standby_group": 3, "transition.shape": "cube", "transition.at_s": 3},
-            "battery.standby_group",
-        ),
         ({"battery.reserve": 1.0}, "battery.reserve"),
     ],
 )

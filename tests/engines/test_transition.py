@@ -99,6 +99,21 @@ def test_losses_failures_and_late_clocks():
     assert watcher.progress.swarms.single
 
 
+@pytest.mark.parametrize(
+    "settings",
+    [{"failure.rate": 0.1}, {"failure.battery_s": 4.0}, {"battery.light_s": 4.0, "failure.rate": 0.1}],
+)
+def test_who_fails_while_it_waits_for_the_next_shape_is_not_replaced_before_that(settings):
+    """Its replacement would be of a later epoch than all others, and would take them along to the next shape."""
+    kill = Schedule((Fault(2.0, "kill", (31, 40), 0.5),), 9.0)
+    result, watcher, _ = fly(45, kill, **settings)
+    assert result.counters["replacements"] > 5
+    for snapshot in watcher.samples:
+        if snapshot.t_s < AT_S:
+            assert not snapshot.lit[30:].any()
+    assert watcher.samples[-1].lit[30:].any()
+
+
 def test_who_is_late_learns_it_from_a_datagram():
     """FLS 3 has a slow clock and datagrams up to 4 s late: the first that comes begins the next shape."""
     plan = plan_of(30)
@@ -159,7 +174,10 @@ def test_a_successor_has_the_point_of_its_time():
     stays, leaves = plan_of(45), plan_of(20)
     spec = fls_spec(fls_rows(stays)[0])
     assert successor(spec, AT_S - 0.1, AT_S).truth == spec.truth
+    assert successor(spec, AT_S - 0.1, AT_S).launch_at_s == AT_S - 0.1
     assert successor(spec, AT_S, AT_S).truth == spec.then.truth
+    joiner = fls_spec(fls_rows(stays)[40])
+    assert [successor(joiner, t_s, AT_S).launch_at_s for t_s in (2.0, AT_S + 1)] == [AT_S, AT_S + 1]
     gone = fls_spec(fls_rows(leaves)[leaves.next.leavers[0] - 1])
     assert successor(gone, AT_S - 0.1, AT_S).incarnation == 1
     assert successor(gone, AT_S, AT_S) is None

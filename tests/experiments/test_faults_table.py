@@ -9,6 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scripts" / "faults_table.py"
+SAMPLE_LAMBDAS = 0.25
 BASE = "base: {engine: virtual, shape: random, points: 24, lambda_ms: 200, recording.rate_hz: 20, duration_s: %s}\n"
 
 
@@ -54,6 +55,7 @@ def test_failures(tmp_path):
     sweep = swept(tmp_path, BASE % 8 + "grid: {failure.rate: [0, 0.03]}\nseeds: 2\n")
     head, _, none, some = told("failures", sweep, "--picture", tmp_path / "failures.svg")
     assert head[:3] == ["failures per FLS and s", "runs", "failures"]
+    assert head[3:] == ["lit"], "it ends before the first moment of the table"
     assert (none[0], none[2], none[-1]) == ("0 %", "0", "100.0 %")
     assert some[0] == "3 %"
     assert float(some[2]) > 2
@@ -65,6 +67,9 @@ def test_failures(tmp_path):
     assert joins[:2] == ["3 %", "2"]
     assert 5 < int(joins[2]) < 30
     assert 0 < float(joins[3].split()[0]) <= float(joins[4]) < 10
+    _, _, seen = told("joins_seen", sweep)
+    assert abs(int(seen[2]) - int(joins[2])) <= 3, "one that is lit between two samples only is not seen"
+    assert abs(float(seen[3].split()[0]) - float(joins[3].split()[0])) <= SAMPLE_LAMBDAS
 
 
 def test_loss_at_an_end(tmp_path):
@@ -91,7 +96,22 @@ def test_a_partition(tmp_path):
     assert 0 < float(healed[0].split()[0]) < 3
 
 
-@pytest.mark.parametrize("what", ["map", "ends", "failures", "joins", "partition"])
+def test_what_strikes_flss(tmp_path):
+    base = BASE.replace("base: {", "base:\n  ").replace("}\n", "").replace(", ", "\n  ") % 8
+    dead = "{at: 0, for: 4.03, what: dead_sensor, where: {share: 0.5}}"
+    kill = "{at: 4.03, what: kill, where: {swarm_of: 1}, for: 1}"
+    blocks = "".join(f"  - base: {{faults.schedule: [{fault}]}}\n" for fault in (dead, kill))
+    head, _, sensors, swarm = told("strikes", swept(tmp_path, f"{base}\nblocks:\n{blocks}seeds: 2\n"))
+    assert head[2:5] == ["highest HD", "HD < 1 again, s", "HD < 0.1 again, s"]
+    assert (sensors[0], sensors[-1]) == ("dead_sensor", "100.0 %")
+    assert swarm[0] == "kill of a swarm"
+    assert float(sensors[2].split()[0]) > 1
+    assert 0 < float(sensors[3].split()[0]) <= float(sensors[4].split()[0]) < 4
+    assert 1 < float(swarm[4].split()[0]) < 4
+    assert 60 < float(swarm[-1].split()[0]) < 95
+
+
+@pytest.mark.parametrize("what", ["map", "ends", "failures", "joins", "partition", "strikes"])
 def test_no_sweep_is_one_line(tmp_path, what):
     done = subprocess.run([sys.executable, SCRIPT, what, tmp_path], capture_output=True, text=True)
     assert done.returncode == 1

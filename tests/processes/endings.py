@@ -24,17 +24,23 @@ import uuid
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from random import Random
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
 
 HERE = Path(__file__).resolve().parent
 RUN = "from swarmer import cli; import sys; sys.argv[0] = 'swarmer-run'; cli.main_run()"
+# Stands in for rerun's window, which reads its input to the end.
+DESKTOP = (
+    "from swarmer.observe import viewer; import sys; "
+    "viewer.rerun_command = lambda: [sys.executable, '-c', 'import sys; sys.stdin.buffer.read()']; "
+)
 MARK = "SWARMER_ENDINGS_CASE"
 CLEAN_WITHIN_S = 3.0
 PATIENCE_S = 60.0
 POINTS, DURATION_S = 8, 1.0
+VIEWED_S = 3.0  # of a run whose viewer is killed: that comes well before its end
 KB = 1024
 
 # Ways to end, and what the run may then say: exit statuses, and what the summary's status may be.
@@ -75,9 +81,14 @@ class Case(NamedTuple):
     moment_s: float  # wall seconds after that
     call: str = ""  # that fails, as the sabotage has it
     limit: int = 0  # bytes that a file may have, or files that may be open
+    viewer: str = ""  # what --live opens
 
     def words(self) -> str:
-        more = self.call or (f"limit {self.limit}" if self.limit else f"{self.stage} + {self.moment_s:.2f} s")
+        more = (
+            self.call
+            or self.viewer
+            or (f"limit {self.limit}" if self.limit else f"{self.stage} + {self.moment_s:.2f} s")
+        )
         return f"{self.way} ({self.engine}, {more})"
 
 
@@ -99,7 +110,8 @@ def draw(seed: int) -> Case:
     if way == "dispatcher_killed":
         return case._replace(stage=rng.choice(("planned", "flying")))
     if way == "viewer_killed":  # the moment counts from where there is one
-        return case._replace(stage="directory", moment_s=rng.uniform(0.0, 2.0))
+        viewer = ("web", "desktop")[seed // len(WAYS) % 2]
+        return case._replace(stage="directory", moment_s=rng.uniform(0.0, VIEWED_S - 1.0), viewer=viewer)
     if way == "second_run":
         return case._replace(stage="flying", moment_s=rng.uniform(0.0, 1.0), limit=free_port())
     if way == "disk_full":
@@ -152,13 +164,16 @@ def _start(case: Case, out: Path, mark: str, terminal: Terminal | None = None) -
         "--shape", "random", "--points", str(POINTS), "--duration", str(DURATION_S), "--engine", case.engine,
         "--out", str(out), *(["--set", "recording.rate_hz=60"] if case.way == "disk_full" else ["--no-recording"]),
     ]  # fmt: skip
-    if case.way == "viewer_killed":
-        arguments.append("--live=web")
+    if case.viewer:
+        arguments += [f"--live={case.viewer}", "--duration", str(VIEWED_S)]
     if case.way == "second_run":
         arguments += ["--set", f"radio.port={case.limit}"]
     if case.engine == "virtual":  # as long as a moment may be late
         arguments += ["--duration", "20000", "--set", "lambda_ms=50"]
     environment = {**os.environ, MARK: mark}
+    program = RUN
+    if case.viewer == "desktop":
+        program, environment["DISPLAY"] = DESKTOP + RUN, ":99"
     if case.call:
         paths = [str(HERE / "sabotage"), os.environ.get("PYTHONPATH", "")]
         environment |= {"SWARMER_SABOTAGE": case.call, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
@@ -175,7 +190,7 @@ def _start(case: Case, out: Path, mark: str, terminal: Terminal | None = None) -
 
     ends = subprocess.PIPE if terminal is None else terminal.slave
     process = subprocess.Popen(
-        [sys.executable, "-c", RUN, *arguments], stdin=None if terminal is None else ends, stdout=ends, stderr=ends,
+        [sys.executable, "-c", program, *arguments], stdin=None if terminal is None else ends, stdout=ends, stderr=ends,
         text=True, env=environment, preexec_fn=before, start_new_session=terminal is not None,
     )  # fmt: skip
     if terminal is not None:
@@ -212,7 +227,9 @@ def _end(
     elif case.way == "dispatcher_killed":
         _kill(pid for pid in _children(process.pid, mark) if _is_dispatcher(pid))
     elif case.way == "viewer_killed":
-        _kill(pid for pid in _children(process.pid, mark) if not _is_dispatcher(pid))
+        viewers = [pid for pid in _children(process.pid, mark) if not _is_dispatcher(pid)]
+        assert len(viewers) == 1, f"of {len(viewers)} viewers one is to be killed"
+        _kill(viewers)
     elif case.way == "second_run":
         second = out.with_name("second")
         with _start(case, second, mark) as other:
@@ -273,9 +290,7 @@ def _status(case: Case, code: int, err: str, out: Path) -> str | None:
     summary = json.loads((out / "summary.json").read_text()) if (out / "summary.json").exists() else None
     status = summary and summary["status"]
     if case.way in SURVIVED:
-        if code != 0 or status != "done":
-            return f"it should have gone on: {status}"
-        return "it heard the other run" if summary["rejected"] else None
+        return _went_on(case, code, err, summary)
     numbers = ENDED_BY.get(case.way)
     if numbers is None:
         may = {0: "done", 1: "failed", 2: None}
@@ -298,6 +313,14 @@ def _status(case: Case, code: int, err: str, out: Path) -> str | None:
         )
     # Before it had begun anything a signal may simply end it.
     return None if -code in numbers and not out.exists() else "an exit status that is none of ours"
+
+
+def _went_on(case: Case, code: int, err: str, summary: dict[str, Any] | None) -> str | None:
+    if code != 0 or summary is None or summary["status"] != "done":
+        return f"it should have gone on: {summary and summary['status']}"
+    if case.viewer and err.count("live: the viewer is gone; the run goes on without it") != 1:
+        return "it does not say that its viewer is gone"
+    return "it heard the other run" if summary["rejected"] else None
 
 
 def _files(out: Path) -> str | None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from endings import WAYS, draw, play
 
-SEEDS = range(len(WAYS) + 4)
+SEEDS = (*range(len(WAYS) + 4), len(WAYS) + WAYS.index("viewer_killed"))
 
 
 @pytest.mark.parametrize("seed", SEEDS, ids=lambda seed: f"{seed}-{draw(seed).way}")
@@ -18,6 +18,7 @@ def test_however_a_run_ends_nothing_is_left_of_it(tmp_path, seed):
 
 def test_the_seeds_have_every_way():
     assert {draw(seed).way for seed in SEEDS} == set(WAYS)
+    assert {draw(seed).viewer for seed in SEEDS} == {"", "web", "desktop"}
     assert draw(3) == draw(3)
 
 

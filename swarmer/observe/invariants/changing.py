@@ -13,14 +13,15 @@ class Transitions(Invariant):
     name, title = "S15", "transition"
     guards = (
         "FLSs and points of the next shape are one to one, those who join or leave are the difference in count; an FLS "
-        "takes its new point with the first epoch of that shape and flies there once; no datagram of the old shape "
-        "moves anyone."
+        "takes its new point with the first epoch of that shape, not before it begins, and flies there once; no "
+        "datagram of the old shape moves anyone."
     )
     on = on_dark = EVERY
 
     def __init__(self, facts: Facts) -> None:
         super().__init__(facts)
         plan = facts.plan
+        self._begins_s = 0.0 if plan.next is None else plan.next.at_s
         self._truths = [
             {
                 int(row) + 1: tuple(standing.truth[row].tolist())
@@ -51,6 +52,8 @@ class Transitions(Invariant):
         shape, before = shape_of(m.epoch), shape_of(was.epoch)
         if shape >= len(self._truths):
             return f"is in epoch {m.epoch}, of no shape"
+        if shape and step.now < self._begins_s and (m.awake or m.flying):
+            return f"is in the air in epoch {m.epoch}, before that shape begins"
         flights = [action.vector for action in step.actions if type(action) is Fly]
         message = step.message
         if message is not None and shape_of(message.epoch) < shape and (flights or m.swarm != was.swarm):
