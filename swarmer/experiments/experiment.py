@@ -26,6 +26,7 @@ PARTS = ("base", "grid", LIST, *KINDS, "seeds", NEEDS)
 BLOCKS, SMALL = "blocks", "small"
 SMALL_PARTS = ("base", "grid", "seeds", BLOCKS)
 SEED = "seed"
+EXPERIMENT = "experiment.yaml"  # the experiment as a sweep keeps it in its directory
 SEEDS_MAX = 100_000  # in one block
 QUIET = {
     "recording.enabled": False
@@ -77,6 +78,10 @@ def find_experiment(name: str) -> Path:
         return experiment_dir() / f"{name}.yaml"
     path = Path(name)
     try:
+        if path.is_dir():
+            own = path / EXPERIMENT
+            hint = f"; that of the sweep in it is {own}" if own.is_file() else ""
+            raise BadInput.saying(f"experiment: {shown(name)} is a directory, not a file{hint}")
         if path.exists():
             return path
     except (OSError, ValueError):  # too long, NUL

@@ -108,7 +108,7 @@ def test_all_hosts_gone_one_after_the_other(begun, tmp_path):
     assert summary["status"] == "failed"
     assert summary["message"].startswith("no host is left; localhost-2 is gone: ")
     assert "Traceback" not in err
-    assert (summary["hosts_lost"], summary["failures"], summary["replacements"]) == (1, 5, 5)
+    assert (summary["hosts_lost"], summary["failures"], summary["replacements"]) == (2, 5, 5)
 
 
 def test_an_agent_without_orders_says_what_it_is():

@@ -288,3 +288,13 @@ def test_a_dry_run_lists_the_runs_and_makes_none(write, monkeypatch, capsys, tmp
 
 def test_the_quiet_setting_is_one():
     assert set(experiments.QUIET) <= set(experiments.FACTS)
+
+
+def test_a_sweeps_directory_is_told_from_its_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("mine").mkdir()
+    with pytest.raises(BadInput, match=r"^experiment: 'mine' is a directory, not a file$"):
+        read_experiment("mine")
+    Path("mine/experiment.yaml").touch()
+    with pytest.raises(BadInput, match=r"not a file; that of the sweep in it is mine/experiment\.yaml$"):
+        read_experiment("mine")

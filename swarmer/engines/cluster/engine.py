@@ -65,6 +65,7 @@ class ClusterEngine:
             raise
         try:
             self._host_of = self._share_out()
+            self._runner.run(self._gathering.reserve(self._hosts, plan.config.radio.port))
         except BadInput:
             self.__exit__()
             raise
@@ -326,12 +327,12 @@ class _Run(RealTimeRun):
         host.ended.set()
         host.looked.set()
         host.channel.close()
+        self._lost.append(host.name)
         if self.clock.phase != Phase.GO or not self.alive:
             self._begun[host.index].set()
             left = "no host is left; " if self.clock.phase == Phase.GO else ""
             self._fail(f"{left}{host.name} is gone: {why}")
             return
-        self._lost.append(host.name)
         now = self.clock.now()
         there = host.fids[self.reader.life()[host.fids - 1] == Life.READY]
         for fid in there.tolist():

@@ -143,6 +143,19 @@ class Gathering:
             raise BadInput.saying(f"{self._launcher.setting}: {host.name}: it fell silent at once") from None
         check_clock(self._cluster, host.name, host.offset)
 
+    async def reserve(self, hosts: list[Host], port: int) -> None:
+        """Have each host look whether it can take its FLSs, and keep a port for them. Raises BadInput."""
+        for host in hosts:  # one after the other: of two on one machine the second finds the port taken
+            host.channel.say({"do": "reserve", "flss": len(host.fids), "port": port})
+            try:
+                answer, _ = await asyncio.wait_for(host.channel.hear(), ANSWER_S)
+            except (ConnectionError, TimeoutError):
+                answer = {"text": host.launched.last_words() or "it fell silent"}
+            if answer["text"]:
+                raise BadInput.saying(
+                    f"{self._launcher.setting}: {host.name} cannot take its part: {answer['text']}"
+                )
+
 
 def check_clock(cluster: Cluster, name: str, offset: Offset) -> None:
     """Raises BadInput for a host whose clock is too far off, or cannot be read well enough."""
