@@ -44,6 +44,7 @@ class Block:
     listed: tuple[dict[str, Any], ...] = ()  # combinations given one by one
     sample: Sample | None = None
     needs: dict[str, float] = field(default_factory=dict)  # what is said of cores and memory
+    asked: frozenset[str] = field(default=frozenset(), compare=False)  # settings that are said, by no preset
 
     @property
     def varied(self) -> list[str]:
@@ -232,7 +233,7 @@ class _Reader:
             block = Block({}, grid, seeds or its, listed, sample, self._needs(entry, where, common.needs))
             own = _others(extended, base, {*QUIET, *all_say}) | said
             own = {name: value for name, value in own.items() if name not in {*forced, *block.varied}}
-            blocks.append(replace(block, own=own))
+            blocks.append(replace(block, own=own, asked=frozenset((*all_say, *said, *forced, *block.varied))))
         if self.lines:
             raise BadInput.saying(*dict.fromkeys(self.lines))
         return Experiment(self.path.stem, base | forced, tuple(blocks), self.file)
