@@ -13,6 +13,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from paper import storms
+
 from swarmer.config import RunConfig
 from swarmer.experiments.experiment import read_experiment
 from swarmer.experiments.needs import fls_of
@@ -30,16 +32,18 @@ PAGE = ROOT / "docs" / "costs.md"
 CHECK = ROOT / "scripts" / "paper" / "costs_full_size.csv"  # a few cells with all their FLSs, for the law
 SOON_S, LATER_S = 5.0, 20.0
 FLSS = 200  # of a measured run, at most
+CORES = 448  # of one of the paper's servers
 COLUMNS = ("experiment", "cell", "cpu_s_at_5", "cpu_s_at_20")
 
 
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument(
-        "--measure", action="store_true", help="make the runs first; a quarter of an hour of one core"
+        "--measure", action="store_true", help="make the runs first; half an hour of one core"
     )
     if parser.parse_args(arguments).measure:
         measure()
+        storms.measure()
     PAGE.write_text(page(), encoding="utf-8")
     print(PAGE.relative_to(ROOT))
     return 0
@@ -142,13 +146,14 @@ def page() -> str:
     for name in EXPERIMENTS:
         runs, total, longest, memory = totals(name, small=False)
         few, little, _, _ = totals(name, small=True)
-        wall = max(longest, total / 448)
+        wall = max(longest, total / CORES)
         cells = [runs, amount(total), amount(longest), f"{memory:.0f}", amount(wall), few, amount(little / 2)]
         lines.append(f"| `{name}` | {' | '.join(map(str, cells))} |")
         sums = [one + more for one, more in zip(sums, (runs, total, few, little / 2), strict=True)]
     lines.append(f"| all | {sums[0]} | {amount(sums[1])} | | | | {sums[2]} | {amount(sums[3])} |")
     law = law_over_measured()
-    return "\n".join([*lines, BELOW.format(cells=len(law), low=law[0], high=law[-1])])
+    below = BELOW.format(cells=len(law), low=law[0], high=law[-1])
+    return "\n".join([*lines, below]) + storms.section(CORES, amount)
 
 
 def amount(value: float) -> str:
@@ -185,10 +190,6 @@ Extrapolated:
   core-minutes over cores, and never less than the longest run.
 - **With processes.** With `--set engine=process` a run takes the emulated time itself, 1 to 2 minutes, and a machine of
   its own that keeps up: `swarmer doctor` tells which shapes that is. The paper had 6 to 16 servers of 448 cores in all.
-
-`table2_metrics` is not in the table. It stands on the rules of the authors' program (`authors_code`), under which
-frequent challenges become storms: at λ 50 ms a run of 200 FLSs had not reached its 20th second after 30 core-seconds,
-where one of `fig28_lambda_skateboard` takes a second. No law has it; its small version is a plane shape of 94 points.
 
 For another shape multiply by its FLSs. Over λ a run costs less than in proportion: a part of it, samples and launch, is
 there without a challenge.

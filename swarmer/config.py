@@ -7,7 +7,7 @@ the preset `default.yaml` and the settings reference come from the declarations 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -246,13 +246,18 @@ class RunConfig(Group):
             if (value := _at(self, fact.name)) != fact.default
         }
 
-    def ignored(self, base: RunConfig | None = None) -> list[str]:
-        """Lines for the settings that were changed and that the engine does not heed.
-
-        base: those that nobody changed, such as a preset's; None: the defaults.
-        """
+    def unlike(self, base: RunConfig | None = None) -> list[str]:
+        """The names of the settings that are not as in `base`, such as a preset; None: the defaults."""
         given = RunConfig() if base is None else base
-        changed = [fact for fact in setting_facts() if _at(self, fact.name) != _at(given, fact.name)]
+        return [fact.name for fact in setting_facts() if _at(self, fact.name) != _at(given, fact.name)]
+
+    def ignored(self, names: Collection[str] | None = None) -> list[str]:
+        """Lines for those of the settings that the engine does not heed.
+
+        names: of those that somebody asked for; None: all that are not as by default.
+        """
+        asked = self.unlike() if names is None else names
+        changed = [fact for fact in setting_facts() if fact.name in asked]
         lines = [
             f"{fact.name}: {as_yaml(_at(self, fact.name))} has no effect with the engine {self.engine}; "
             f"only {fact.only} has it"

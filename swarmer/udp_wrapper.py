@@ -216,6 +216,7 @@ class RelayedUdpWrapper(UdpWrapper):
 
 
 ELSEWHERE = 0xFFFFFFFF  # in the directory, in place of a Swarm-ID
+PORT_ALLOWED = "a free port, or 0 for the first free one"
 NEW_SWARM = b"T"  # to the relay
 NO_ROOM = frozenset((errno.ENOMEM, errno.ENOBUFS, errno.EAGAIN, errno.ECONNREFUSED, errno.EPERM))
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from swarmer.commands.run import directory_named
-from swarmer.commands.sweep import MANY, MANY_LISTED, make, place_of, tell
+from swarmer.commands.sweep import MANY, MANY_LISTED, make, place_of, tell, tell_notes
 from swarmer.errors import BadInput, RunFailed
 from swarmer.interrupts import ends_at_once
 
@@ -82,7 +82,7 @@ def command(
         runs = expand(experiment)
         check_between(experiment, runs, split(between))
         check_measures(split(measures))
-        check_plans(runs, experiment.file)
+        tell_notes(check_plans(runs, experiment.file))
         if dry_run:
             for run in runs:
                 click.echo(run.path.as_posix())

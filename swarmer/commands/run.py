@@ -137,8 +137,7 @@ def run(
     """
     with ends_at_once():
         from swarmer.engines.named import make_engine
-        from swarmer.engines.rounds_idle import idle_settings
-        from swarmer.fault_settings import too_late
+        from swarmer.engines.notes import notes_on
         from swarmer.observe.collector import Collector
         from swarmer.observe.live import check_way
         from swarmer.observe.panel import Panel
@@ -167,12 +166,7 @@ def run(
         def begin() -> None:
             let_endings_come()
             tell_plan(plan)
-            given = preset(source)
-            for line in (
-                *config.ignored(given),
-                *idle_settings(plan, given),
-                *too_late(plan.faults, plan.config.duration_s),
-            ):
+            for line in notes_on(config, plan.rules, plan.faults, config.unlike(preset(source))):
                 click.echo(f"note: {line}", err=True)
             tell_changed_shape(plan, source)
 

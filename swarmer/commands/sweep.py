@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 LOCAL = "local"  # a Ray of our own
 MANY = 3000  # runs; more are refused without --yes
 MANY_LISTED = 100_000  # so are more than these with --dry-run
+NOTES_SHOWN = 10
 
 
 @click.command("sweep")
@@ -68,12 +69,19 @@ def command(
                 f"{experiment.file}: stands for {size(experiment):,} runs; more than {most:,} need --yes"
             )
         runs = expand(experiment)
-        check_plans(runs, experiment.file)
+        tell_notes(check_plans(runs, experiment.file))
         if dry_run:
             for run in runs:
                 click.echo(run.path.as_posix())
             return
     carry_out(experiment, runs, directory or home, place_of(jobs, ray))
+
+
+def tell_notes(notes: list[str]) -> None:
+    """What is to be known of the settings, on stderr, once for all runs."""
+    more = [f"and {len(notes) - NOTES_SHOWN} more of this kind"] if len(notes) > NOTES_SHOWN else []
+    for line in notes[:NOTES_SHOWN] + more:
+        click.echo(f"note: {line}", err=True)
 
 
 def place_of(jobs: int | None, ray: str | None = None) -> AbstractContextManager[Place]:

@@ -25,7 +25,7 @@ from swarmer.engines.specs import setup
 from swarmer.errors import BadInput, RunFailed
 from swarmer.messages import ENGINE_FID, NO_SWARM, ZERO, Kind, Message, Stamp, To, encode
 from swarmer.telemetry import Phase
-from swarmer.udp_wrapper import BROADCAST, lock_port
+from swarmer.udp_wrapper import BROADCAST, PORT_ALLOWED, lock_port
 
 if TYPE_CHECKING:
     from swarmer.plan import Plan
@@ -48,7 +48,7 @@ class ProcessEngine:
         try:
             self._lock = lock_port(port)
         except OSError as error:
-            raise BadInput("radio.port", port, f"{error}; a free port, or 0 for the first free one") from None
+            raise BadInput("radio.port", port, f"{error}; {PORT_ALLOWED}") from None
 
     def __enter__(self) -> Self:
         return self

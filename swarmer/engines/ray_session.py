@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -28,6 +29,11 @@ LOOK_S = 120.0  # for a node to start its first process and import what there is
 STORE_BYTES = 400_000_000  # of a Ray started here: what runs leave is small
 QUIET = {"RAY_USAGE_STATS_ENABLED": "0"}  # it tells its makers nothing, unless the user wants that
 TEXT_LENGTH = 300
+OTHER_VERSION = re.compile(
+    r"Version mismatch: .*Ray: (\S+) Python: (\S+) This process .*Ray: (\S+) Python: (\S+)"
+)
+UNREACHED = "Failed to connect to Ray cluster"  # so Ray says, too, where a token is missing
+TOKEN = "; if the cluster has a token: RAY_AUTH_MODE=token, and RAY_AUTH_TOKEN or ~/.ray/auth_token must be its own"
 
 
 class Node(NamedTuple):
@@ -146,8 +152,18 @@ def refused(address: str, error: Exception | str) -> BadInput:
         return BadInput.saying(
             f"--ray: no Ray runs on this machine; `ray start --head` starts one, and without {AUTO} we do"
         )
+    text = _one_line(error)
+    if other := OTHER_VERSION.search(text):
+        theirs, ours = (
+            f"Ray {ray} with Python {python}" for ray, python in (other.groups()[:2], other.groups()[2:])
+        )
+        here = "on this machine" if address == AUTO else f"at {shown(address)}"
+        return BadInput.saying(
+            f"--ray: the cluster {here} has {theirs}, and this machine {ours}; they must be the same"
+        )
     where = "cannot be started here" if address == LOCAL else f"at {shown(address)} does not take us"
-    return BadInput.saying(f"--ray: Ray {where}: {_one_line(error)}")
+    token = TOKEN if UNREACHED in text else ""
+    return BadInput.saying(f"--ray: Ray {where}: {text}{token}")
 
 
 def _one_line(error: Exception | str) -> str:

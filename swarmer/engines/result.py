@@ -83,6 +83,32 @@ class RoundRow(NamedTuple):
     hd_absolute_cells: float | None = None  # without translation, where oracles are and HD was read
 
 
+class HostRow(NamedTuple):
+    """A line of hosts.csv: one host of a run over many. Its relay's counts are as far as it lived to tell them."""
+
+    host: str
+    cores: int
+    flss_begun: int
+    flss: int  # at the end; 0 of a host that was lost
+    datagrams_out: int | None  # sent on to relays of other hosts, once for each
+    datagrams_in: int | None
+    packets: int | None  # sent, those that tell of swarms too
+    packets_of_datagrams: int | None
+    packet_bytes: int | None
+    lost: int | None  # by cluster.relay_loss
+    send_failed: int | None
+    rejected: int | None
+    dropped_by_kernel: int
+    late_p50_ms: float | None  # from an FLS on another host to this one's relay, emulated
+    late_p99_ms: float | None
+    late_max_ms: float | None
+    clock_apart_ms: float  # its time of day is so far ahead of the engine's
+    clock_bound_ms: float
+    clock_drift_ms: float
+    lost_s: float | None  # emulated; None: it was there to the end
+    replaced_on: str  # hosts and how many FLSs each took, as `12 on oak, 4 on elm`; empty: none
+
+
 class Lateness(NamedTuple):
     """How late something was, in emulated milliseconds."""
 
@@ -222,6 +248,7 @@ class RunResult:
     first_single_swarm_s: float | None = None  # as far as the engine knows, be it between two samples
     in_rounds: bool = False  # every `_s` of the run, in samples and events, counts rounds: there is no clock
     round_rows: list[RoundRow] = field(default_factory=list)  # a line for each of them
+    host_rows: list[HostRow] = field(default_factory=list)  # of a run over several hosts: a line for each
     extra: dict[str, Any] = field(
         default_factory=dict
     )  # what only this engine has, by its name in the summary

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
-from swarmer.config import RunConfig
 from swarmer.plan import make_technique
 from swarmer.plugins import references_of
 
 if TYPE_CHECKING:
-    from swarmer.plan import Plan
+    from swarmer.config import RunConfig
+    from swarmer.rules import Rules
 
 OF_SWARMS = (
     "m", "neighbours", "rounds.neighbours", "rounds.anchor", "rounds.order", "rounds.pairing", "rounds.pm_first_leg",
@@ -21,27 +22,21 @@ OF_YARDSTICKS = (
 )  # fmt: skip
 
 
-def idle_settings(plan: Plan, base: RunConfig | None = None) -> list[str]:
-    """Lines for the settings that were changed and change nothing in this run; none with another engine.
-
-    base: those that nobody changed, such as a preset's; None: the defaults.
-    """
-    if plan.config.engine != "rounds":
+def idle_settings(config: RunConfig, rules: Rules, changed: Collection[str]) -> list[str]:
+    """Lines for those of the changed settings, by name, that change nothing in this run; none with another engine."""
+    if config.engine != "rounds":
         return []
-    now, before = plan.config.flat(), (RunConfig() if base is None else base).flat()
-    changed = {name for name, value in now.items() if value != before[name]}
     return [
         f"{', '.join(idle)}: no effect with {why}"
-        for names, why in _idle(plan)
+        for names, why in _idle(config, rules)
         if (idle := [name for name in names if name in changed])
     ]
 
 
-def _idle(plan: Plan) -> list[tuple[tuple[str, ...], str]]:
+def _idle(config: RunConfig, rules: Rules) -> list[tuple[tuple[str, ...], str]]:
     """Settings, and why they are idle."""
-    config, settings = plan.config, plan.config.rounds
-    technique = make_technique(plan.rules.technique)
-    references = references_of(technique, plan.rules.dim)
+    settings, technique = config.rounds, make_technique(rules.technique)
+    references = references_of(technique, rules.dim)
     found: list[tuple[tuple[str, ...], str]] = []
     if references != 1:
         found.append((OF_SWARMS, f"technique {config.technique}, which has no swarms"))

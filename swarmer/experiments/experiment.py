@@ -26,6 +26,7 @@ PARTS = ("base", "grid", LIST, *KINDS, "seeds", NEEDS)
 BLOCKS, SMALL = "blocks", "small"
 SMALL_PARTS = ("base", "grid", "seeds", BLOCKS)
 SEED = "seed"
+EXPERIMENT = "experiment.yaml"  # the experiment as a sweep keeps it in its directory
 SEEDS_MAX = 100_000  # in one block
 QUIET = {
     "recording.enabled": False
@@ -43,6 +44,7 @@ class Block:
     listed: tuple[dict[str, Any], ...] = ()  # combinations given one by one
     sample: Sample | None = None
     needs: dict[str, float] = field(default_factory=dict)  # what is said of cores and memory
+    asked: frozenset[str] = field(default=frozenset(), compare=False)  # settings that are said, by no preset
 
     @property
     def varied(self) -> list[str]:
@@ -77,6 +79,10 @@ def find_experiment(name: str) -> Path:
         return experiment_dir() / f"{name}.yaml"
     path = Path(name)
     try:
+        if path.is_dir():
+            own = path / EXPERIMENT
+            hint = f"; that of the sweep in it is {own}" if own.is_file() else ""
+            raise BadInput.saying(f"experiment: {shown(name)} is a directory, not a file{hint}")
         if path.exists():
             return path
     except (OSError, ValueError):  # too long, NUL
@@ -227,7 +233,7 @@ class _Reader:
             block = Block({}, grid, seeds or its, listed, sample, self._needs(entry, where, common.needs))
             own = _others(extended, base, {*QUIET, *all_say}) | said
             own = {name: value for name, value in own.items() if name not in {*forced, *block.varied}}
-            blocks.append(replace(block, own=own))
+            blocks.append(replace(block, own=own, asked=frozenset((*all_say, *said, *forced, *block.varied))))
         if self.lines:
             raise BadInput.saying(*dict.fromkeys(self.lines))
         return Experiment(self.path.stem, base | forced, tuple(blocks), self.file)

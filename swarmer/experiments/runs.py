@@ -11,7 +11,7 @@ import itertools
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from swarmer.config import RunConfig
 from swarmer.errors import BadInput
@@ -19,8 +19,13 @@ from swarmer.experiments.experiment import SEED, Block, Experiment
 from swarmer.experiments.needs import Needs, needs_of
 from swarmer.settings import as_yaml
 
+if TYPE_CHECKING:
+    from swarmer.faults import Schedule
+    from swarmer.rules import Rules
+
 NAME_LENGTH = 120  # of a cell's folder; a longer name ends in a hash
 DIGITS = 8
+IDLE = ": no effect "  # in a note: names before it, a reason behind
 STRANGE = re.compile(r"[^A-Za-z0-9._=,+-]+")
 PLANNED_BY = (
     "engine", "shape", "points", "duplicates", "eta", "neighbours", "rounds.dim", "technique", "sensing.model",
@@ -40,6 +45,7 @@ class Run(NamedTuple):
     varied: dict[str, Any]  # what its block says of it: setting to value
     config: RunConfig  # all of it, with the seed
     said_needs: Mapping[str, float] = NOTHING_SAID  # of cores and memory
+    asked: frozenset[str] = frozenset()  # settings that the experiment says, not a preset
 
     @property
     def path(self) -> Path:
@@ -68,7 +74,7 @@ def expand(experiment: Experiment) -> list[Run]:
             config = _config(experiment, varied)
             for seed in block.seeds:
                 seeded = config.model_copy(update={SEED: seed})
-                run = Run(cell_name(varied), varied, seeded, block.needs)
+                run = Run(cell_name(varied), varied, seeded, block.needs, block.asked)
                 runs.setdefault(tuple(map(as_yaml, run.config.flat().values())), run)
     return list(runs.values())
 
@@ -112,20 +118,44 @@ def varied_names(experiment: Experiment) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def check_plans(runs: Iterable[Run], file: str) -> None:
-    """Plan each shape once as the runs will. Raises BadInput for a shape, an η or a technique that cannot be."""
+def check_plans(runs: Iterable[Run], file: str) -> list[str]:
+    """Plan each shape once as the runs will; the notes on their settings, each once, however many runs it is of.
+
+    Raises BadInput for a shape, an η or a technique that cannot be.
+    """
+    from swarmer.engines.notes import notes_on
     from swarmer.plan import make_plan
 
-    seen = set()
+    plans: dict[tuple[str, ...], tuple[Rules, Schedule]] = {}  # a whole one may be large
+    looked_at: set[str] = set()  # cells
+    notes: dict[str, None] = {}
     for run in runs:
         flat = run.config.flat()
         what = tuple(str(flat[name]) for name in PLANNED_BY)
-        if what not in seen:
-            seen.add(what)
+        if what not in plans:
             try:
-                make_plan(run.config)
+                plan = make_plan(run.config)
             except BadInput as error:
                 raise BadInput.saying(f"{file}: {_of(run.varied)}{error}") from None
+            plans[what] = plan.rules, plan.faults
+        if run.cell not in looked_at:
+            looked_at.add(run.cell)
+            asked = run.asked.intersection(run.config.unlike())
+            notes |= dict.fromkeys(notes_on(run.config, *plans[what], asked))
+    return merged(notes)
+
+
+def merged(notes: Iterable[str]) -> list[str]:
+    """One line for each reason for which settings have no effect, with all of these.
+
+    >>> merged(["m: no effect with a", "m: no effect with b", "eta, m: no effect with a", "late"])
+    ['m, eta: no effect with a', 'm: no effect with b', 'late']
+    """
+    idle: dict[str, dict[str, None]] = {}
+    for note in notes:
+        names, _, why = note.partition(IDLE)
+        idle.setdefault(why, {}).update(dict.fromkeys(names.split(", ") if why else [note]))
+    return [f"{', '.join(names)}{IDLE}{why}" for why, names in idle.items() if why] + list(idle.get("", {}))
 
 
 def _config(experiment: Experiment, varied: dict[str, Any]) -> RunConfig:

@@ -16,7 +16,7 @@ import yaml
 
 import swarmer
 from swarmer.errors import BadInput, RunFailed, shown
-from swarmer.experiments.experiment import FACTS, Block, Experiment
+from swarmer.experiments.experiment import EXPERIMENT, FACTS, Block, Experiment
 from swarmer.experiments.results import RESULTS
 from swarmer.experiments.runs import Run
 from swarmer.experiments.samples import KINDS
@@ -26,12 +26,12 @@ from swarmer.settings import as_yaml
 from swarmer.shapes.catalogue import CATALOGUE, load_shape
 from swarmer.yaml_file import parse
 
-EXPERIMENT = "experiment.yaml"
 BEGUN = {EXPERIMENT + TEMPORARY}  # all that is there of a sweep that was killed with its first breath
 HEAD = re.compile(r"# The experiment (.+), by swarmer ")
 CHANGES_SHOWN = 4
 VALUE_LENGTH = 60
 HEAD_LENGTH = 1000
+IN_EVERY_SUMMARY = ("format", "engine", "shape", "points", "seed", "status", "wall_s")
 
 
 class SweepDirectory:
@@ -92,9 +92,10 @@ class SweepDirectory:
         return there
 
     def summary_of(self, run: Run) -> dict[str, Any] | None:
-        """The summary of a run that is done, else None."""
+        """The summary of a run that is done, if it is whole, else None."""
         summary = _read(self.path / run.path / SUMMARY)
-        return summary if summary.get("status") == "done" else None
+        whole = all(summary.get(name) is not None for name in IN_EVERY_SUMMARY)
+        return summary if whole and summary["status"] == "done" else None
 
     def _changes(self, run: Run, hashes: dict[tuple[Any, ...], str]) -> list[str]:
         """hashes: of the clouds that were read already; gets those that are read now."""

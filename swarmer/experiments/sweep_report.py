@@ -8,8 +8,9 @@ from pathlib import Path
 
 from swarmer.errors import BadInput
 from swarmer.experiments.comparison import Measure, Row
+from swarmer.experiments.experiment import EXPERIMENT
 from swarmer.experiments.results import MESSAGE, RESULTS, RUN, STATUS, read_results
-from swarmer.experiments.sweep_directory import EXPERIMENT, written_name
+from swarmer.experiments.sweep_directory import written_name
 from swarmer.experiments.sweep_figures import CellFigures, cells_of, figure_of, measures_of, swept
 from swarmer.experiments.tables import table_of, unfaithful
 from swarmer.observe import report_page

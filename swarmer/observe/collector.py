@@ -170,6 +170,8 @@ class Collector:
         self._keep(self.directory.log, f"{result.status}: {went} {result.message}".rstrip())
         if result.round_rows:
             self._keep(self.directory.write_rounds, result.round_rows)
+        if result.host_rows:
+            self._keep(self.directory.write_hosts, result.host_rows)
         summary = self._summary(result)
         self._keep(self.directory.close, summary.get("status", result.status))
         if summary:

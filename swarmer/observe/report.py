@@ -21,6 +21,7 @@ from swarmer.observe.files import write_text
 from swarmer.observe.progress import Progress
 from swarmer.observe.report_data import RunData, data_of
 from swarmer.observe.report_drawing import Absent, Figure
+from swarmer.observe.report_hosts import hosts_part
 from swarmer.observe.report_page import Part
 from swarmer.observe.report_scene import scene_part
 from swarmer.observe.report_several import several
@@ -65,6 +66,7 @@ PARTS: tuple[Callable[[SavedRun], Part | None], ...] = (
     report_words.setting_part,
     scene_part,
     figures_part,
+    hosts_part,
     report_words.summary_part,
     report_words.events_part,
 )

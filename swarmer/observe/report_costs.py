@@ -15,12 +15,12 @@ from swarmer.observe.report_drawing import (
     Figure,
     columns_of,
     legend_above,
-    over_time,
     rates,
     svg_of,
     thinned,
 )
 from swarmer.observe.report_figures import NO_RADIO, OLD, SILENCE
+from swarmer.observe.report_marks import draw_marks, over_run
 from swarmer.observe.words import cells, count
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def distance_figure(data: RunData) -> Figure | Absent:
             linewidth=0,
         )  # fmt: skip
         axes.set_ylabel("cells an FLS, mean")
-        over_time(axes, data.clock, 2)
+        over_run(axes, data.clock, data.marks, 2)
         if flown is not None:
             beside = canvas.add_subplot(1, 2, 2)
             bins = np.linspace(0, max(float(flown.max()), 1e-9), 24)
@@ -95,7 +95,7 @@ def rate_figure(data: RunData) -> Figure | Absent:
         axes.stackplot(middles, growth.T, colors=LINES, labels=[_plain(name) for name in names], linewidth=0)
         axes.set_ylabel("datagrams sent per second")
         _kilobytes(axes, size)
-        over_time(axes, data.clock)
+        over_run(axes, data.clock, data.marks)
         legend_above(axes, 4, 7)
 
     peak = growth.sum(axis=1)
@@ -128,7 +128,7 @@ def _rate_without_kinds(data: RunData, title: str) -> Figure | Absent:
         axes.set_ylabel("datagrams sent per second")
         axes.set_ylim(bottom=0)
         _kilobytes(axes, data.datagram_bytes)
-        over_time(axes, data.clock)
+        over_run(axes, data.clock, data.marks)
 
     alt = f"{count(growth.mean())} datagrams sent per second in the mean, {count(growth.max())} at most"
     rows = columns_of(middles, growth, growth * data.datagram_bytes)
@@ -209,11 +209,12 @@ def fidelity_figure(data: RunData) -> Figure | Absent:
         axes.set_ylabel("late, p99 [ms]")
         legend_above(axes, 3)
         if scale is not None and below is not None:
+            draw_marks(axes, data.marks)
             below.plot(*thinned(data.t, scale), color=LINES[2])
             below.axhline(1, color=FAINT, linewidth=0.8)
             below.set_ylim(bottom=0)
             below.set_ylabel("time scale")
-        over_time(below or axes, data.clock)
+        over_run(below or axes, data.clock, data.marks)
 
     worst = max(float(np.nanmax(values)) for values in shown.values())
     alt = f"The 99th percentiles of lateness are {worst:.0f} emulated ms at most"

@@ -16,6 +16,7 @@ from swarmer.next_shape import standing_at
 from swarmer.observe.palette import STATES
 from swarmer.observe.progress import LIT_MIN
 from swarmer.observe.report_drawing import Clock, clock_of
+from swarmer.observe.report_marks import Mark, marks_of
 from swarmer.observe.report_rounds import read_rounds
 from swarmer.observe.saved_run import SavedRun, SavedTimeline
 
@@ -138,6 +139,11 @@ class RunData:
     def moments(self, *kinds: str) -> NDArray[np.float64]:
         """When events of these kinds happened."""
         return np.array([event.t_s for event in self.run.events if event.kind in kinds], dtype=np.float64)
+
+    @cached_property
+    def marks(self) -> list[Mark]:
+        """When faults began and ended, and hosts were lost."""
+        return marks_of(self.run.events, float(self.t[-1]))
 
     @cached_property
     def cycles(self) -> list[Cycle]:

@@ -24,6 +24,7 @@ from swarmer.observe.report_drawing import (
     svg_of,
     thinned,
 )
+from swarmer.observe.report_marks import draw_marks, over_run, said_of
 from swarmer.observe.report_words import moment, reached_of
 from swarmer.observe.saved_run import SavedTimeline
 from swarmer.observe.words import cells, swarms
@@ -71,7 +72,7 @@ def hd_figure(data: RunData) -> Figure | Absent:
                 axes.plot([at], [float(name)], "o", color=LINES[0], markersize=4)
         _thaw_marks(axes, data)
         axes.set_ylabel("HD [cells]")
-        over_time(axes, data.clock, 2)
+        over_run(axes, data.clock, data.marks, 2, named=True)
 
     first, last = hd[0], hd[-1]
     below = ", ".join(
@@ -86,6 +87,7 @@ def hd_figure(data: RunData) -> Figure | Absent:
     caption = (
         "Of the lit FLSs, logarithmic. Translated: after moving all by the mean of their errors, as in the paper, for "
         "SwarMer is relative; absolute: without. Dots: first below 1, 0.1, ... cells. Ticks at the bottom: thaws."
+        f"{said_of(data.marks, data.clock)}"
     )
     return Figure(
         "hd", title, svg_of("hd", f"{alt}. {below}", draw), caption, alt,
@@ -120,7 +122,8 @@ def formation_figure(data: RunData) -> Figure | None:
                 color=SOFT,
                 linewidth=0.8,
             )
-        over_time(below, data.clock)
+        draw_marks(above, data.marks)
+        over_run(below, data.clock, data.marks)
         below.set_xlim(0, until)
 
     alt = f"The beginning of the run, up to {data.clock.say(until)}: HD falls to {cells(hd[t <= until][-1])} cells"
@@ -155,7 +158,7 @@ def swarms_figure(data: RunData) -> Figure:
             *thinned(data.t, data.largest), color=LINES[2], linestyle=(0, (4, 2)), label="FLSs in the largest"
         )
         _thaw_marks(axes, data)
-        over_time(axes, data.clock, 2)
+        over_run(axes, data.clock, data.marks, 2)
 
     last = swarms(int(data.swarms[-1]))
     alt = f"Up to {data.swarms.max()} swarms; {last} at the end, the largest of {data.largest[-1]}"
@@ -233,7 +236,7 @@ def sizes_figure(data: RunData) -> Figure:
         axes.stackplot(data.t, 100 * counts.T / data.points, colors=RAMP, labels=names, linewidth=0)
         axes.set_ylabel("% of the FLSs, in swarms of ...")
         axes.set_ylim(0, 100)
-        over_time(axes, data.clock, len(names))
+        over_run(axes, data.clock, data.marks, len(names))
 
     alone = 100 * counts[-1, 0] / data.points
     most = f"{data.largest[-1]} of {data.points}"
@@ -264,7 +267,7 @@ def work_figure(data: RunData) -> Figure | Absent:
             style = ("-", (0, (4, 2)), "-", (0, (1.5, 1.5)))[i % 4]
             axes.plot(*thinned(data.t, values), color=LINES[i], linestyle=style, label=label)
         axes.set_ylabel("so far")
-        over_time(axes, data.clock, 4)
+        over_run(axes, data.clock, data.marks, 4)
 
     alt = "At the end: " + ", ".join(f"{label} {values[-1]:,.0f}" for label, _, values in shown)
     caption = "Totals of all FLSs, logarithmic. A lease expires if its localizer was not heard of in time."
@@ -296,10 +299,11 @@ def failures_figure(data: RunData) -> Figure | Absent:
         )
         above.set_ylabel("HD [cells]")
         legend_above(above, 1)
+        draw_marks(above, data.marks)
         below.plot(*thinned(data.t, data.dark), color=LINES[1], drawstyle="steps-post")
         below.set_ylabel("dark FLSs")
         below.set_ylim(bottom=0)
-        over_time(below, data.clock)
+        over_run(below, data.clock, data.marks)
 
     alt = (
         f"{len(failed)} failures and {len(replaced)} replacements; up to {data.dark.max()} FLSs dark at once"
@@ -324,7 +328,7 @@ def states_figure(data: RunData) -> Figure:
         axes.stackplot(t, states.T, colors=STATE_COLOURS, labels=STATES, linewidth=0)
         axes.set_ylabel("FLSs")
         axes.margins(y=0)
-        over_time(axes, data.clock)
+        over_run(axes, data.clock, data.marks)
         legend_above(axes, len(STATES), 7.5)
 
     last = ", ".join(f"{n} {state}" for state, n in zip(STATES, data.states[-1], strict=True) if n)

@@ -33,7 +33,8 @@ from swarmer.observe.report_drawing import (
 )
 from swarmer.observe.report_page import Part, esc, scrolling
 from swarmer.observe.report_table_2 import table_2
-from swarmer.observe.report_words import flat_settings, reached_of, text_of
+from swarmer.observe.report_values import text_of
+from swarmer.observe.report_words import flat_settings, reached_of
 from swarmer.observe.saved_run import SavedRun
 
 if TYPE_CHECKING:

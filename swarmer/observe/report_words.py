@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import shlex
 from collections.abc import Sequence
@@ -14,8 +13,9 @@ from swarmer.config import load_config, setting_facts
 from swarmer.errors import SwarmerError
 from swarmer.observe.report_drawing import ROUNDS, SECONDS, Clock, clock_of
 from swarmer.observe.report_page import Part, esc, scrolling, table
+from swarmer.observe.report_values import html_of, text_of
 from swarmer.observe.saved_run import SavedRun
-from swarmer.observe.words import cells, count, unit_after
+from swarmer.observe.words import cells, count
 from swarmer.settings_file import preset_names
 
 EVENTS_SHOWN = 200
@@ -382,7 +382,7 @@ def flat_settings(config: dict[str, Any], before: str = "") -> dict[str, Any]:
 def _setting_table(rows: Sequence[Setting], preset: str, caption: str) -> str:
     lines = "".join(
         f"<tr><td><code>{esc(row.name)}</code></td>"
-        f"<td class=value>{esc(text_of(row.value) + unit_after(row.value, row.unit))}</td>"
+        f"<td class=value>{html_of(row.value, row.unit)}</td>"
         f"<td>{esc(text_of(row.usual)) if row.changed else ''}</td><td class=help>{_marked(row.help)}</td></tr>"
         for row in rows
     )
@@ -423,23 +423,6 @@ def versions(run: SavedRun) -> str:
     named += [str(made["platform"])] if made.get("platform") else []
     named += [f"{made['cpus']} cores"] if made.get("cpus") else []
     return ", ".join(named)
-
-
-def text_of(value: Any) -> str:
-    """A value of a summary or a setting as a reader wants it."""
-    if value is None:
-        return "–"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, int):
-        return f"{value:,}" if abs(value) >= 10_000 else str(value)
-    if isinstance(value, float):
-        return f"{value:.6g}" if math.isfinite(value) else str(value)
-    if isinstance(value, dict):
-        return ", ".join(f"{name}: {text_of(inner)}" for name, inner in value.items())
-    if isinstance(value, (list, tuple)):
-        return ", ".join(map(text_of, value)) if value else "none"
-    return str(value)
 
 
 def label_of(path: Path) -> str:

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import swarmer
-from swarmer.engines.result import Event, RoundRow
+from swarmer.engines.result import Event, HostRow, RoundRow
 from swarmer.errors import BadInput, RunFailed
 from swarmer.observe.files import PARTIAL, TEMPORARY, Stream, disk_errors, write_text
 
@@ -42,10 +42,10 @@ CONFIG, MANIFEST, SUMMARY, EVENTS, LOG = (
     "log.txt",
 )
 RECORDING, TIMELINE, REPORT, TRACE = "recording.rrd", "timeline.npz", "report.html", "trace.jsonl.gz"
-ROUNDS = "rounds.csv"
+ROUNDS, HOSTS = "rounds.csv", "hosts.csv"
 CAUSE = "cause.html"  # beside a report, if there is a trace
 MANIFEST_FORMAT = 1
-FILES = (CONFIG, MANIFEST, SUMMARY, EVENTS, LOG, RECORDING, TIMELINE, REPORT, TRACE, ROUNDS, CAUSE)
+FILES = (CONFIG, MANIFEST, SUMMARY, EVENTS, LOG, RECORDING, TIMELINE, REPORT, TRACE, ROUNDS, HOSTS, CAUSE)
 DISK_FULL = {errno.ENOSPC, errno.EDQUOT}
 NOT_OURS = {errno.EACCES, errno.EPERM, errno.EROFS}  # where nobody, or not this user, may write
 EVENT_COLUMNS = ("t_s", "kind", "fid", "text")
@@ -117,6 +117,10 @@ class RunDirectory:
     def write_rounds(self, rows: Sequence[RoundRow]) -> None:
         """Write rounds.csv, a line for each round; what was not read is empty. Raises RunFailed."""
         write_text(self.path / ROUNDS, b"".join(map(_csv_line, (RoundRow._fields, *rows))).decode())
+
+    def write_hosts(self, rows: Sequence[HostRow]) -> None:
+        """Write hosts.csv, a line for each host. Raises RunFailed."""
+        write_text(self.path / HOSTS, b"".join(map(_csv_line, (HostRow._fields, *rows))).decode())
 
     def event(self, event: Event) -> None:
         """Append a line to events.csv. Raises RunFailed."""

@@ -61,13 +61,20 @@ class Launched:
         self.agents.ended_ones.append(self.name)
 
 
-def gather(behave, names=("a", "b"), **settings):
+def gather(behave, names=("a", "b"), reserve=False, **settings):
     agents = Agents(list(names), behave)
 
     async def run():
         cluster = load_config(**{f"cluster.{name}": value for name, value in settings.items()}).cluster
+        gathering = Gathering(cluster, agents, agents.names)
         try:
-            return await Gathering(cluster, agents, agents.names).gather()
+            hosts = await gathering.gather()
+            if reserve:
+                await gathering.reserve(hosts, 0)
+            return hosts
+        except BadInput:
+            gathering.end()
+            raise
         finally:
             for task in agents.tasks:
                 task.cancel()
@@ -75,11 +82,14 @@ def gather(behave, names=("a", "b"), **settings):
     return agents, run()
 
 
-async def good(name, reader, writer, key, ahead_s=0.0, slow_s=0.0, **other):
+async def good(name, reader, writer, key, ahead_s=0.0, slow_s=0.0, cannot="", **other):
     channel = await shake_hands(reader, writer, key, engine=False)
     channel.say(HELLO | {"name": name} | other)
     while True:
         said, _ = await channel.hear()
+        if said["do"] == "reserve":
+            channel.say({"is": "reserved", "text": cannot})
+            continue
         await asyncio.sleep(slow_s)
         channel.say({
             "is": "pong", "asked": said["asked"], "monotonic": time.monotonic() + 77, "wall": time.time() + ahead_s,
@@ -90,7 +100,7 @@ def refused(behave, **settings):
     agents, gathering = gather(behave, **settings)
     with pytest.raises(BadInput) as caught:
         asyncio.run(gathering)
-    assert agents.ended_ones == agents.names, "none is left"
+    assert set(agents.ended_ones) == set(agents.names), "none is left"
     return str(caught.value)
 
 
@@ -135,6 +145,33 @@ def test_a_host_that_does_not_call():
 
     line = refused(behave)
     assert line == "cluster.hosts: b: no call from there in 3 s; can it reach cluster.listen?"
+
+
+def test_a_host_that_cannot_take_its_part():
+    async def behave(name, *ends):
+        await good(name, *ends, cannot="points: 9 is not allowed; at most 8" if name == "b" else "")
+
+    assert refused(behave, reserve=True) == (
+        "cluster.hosts: b cannot take its part: points: 9 is not allowed; at most 8"
+    )
+
+
+def test_a_host_that_falls_silent():
+    async def behave(name, reader, writer, key):
+        talk = asyncio.create_task(good(name, reader, writer, key))
+        await asyncio.sleep(0.5)
+        talk.cancel()
+        writer.close()
+
+    async def run():
+        agents = Agents(["a"], behave)
+        gathering = Gathering(load_config().cluster, agents, agents.names)
+        hosts = await gathering.gather()
+        await asyncio.sleep(0.7)
+        await gathering.reserve(hosts, 0)
+
+    with pytest.raises(BadInput, match=r"cluster\.hosts: a cannot take its part: it fell silent"):
+        asyncio.run(run())
 
 
 def test_strangers_are_left_standing():
@@ -204,6 +241,14 @@ def test_a_host_that_is_not_reached(launch, said):
         (
             {"cluster.hosts": "localhost", "faults.schedule": [{"at": 1, "what": "kill", "where": {"swarm_of": 2}}]},
             "faults: a fault that strikes a swarm is not for the engine cluster",
+        ),
+        (
+            {"cluster.hosts": "localhost", "cluster.python": "/no/python"},
+            "cluster.python: /no/python: No such file or directory",
+        ),
+        (
+            {"cluster.hosts": "localhost,localhost", "radio.port": 31991},
+            "cluster.hosts: localhost-2 cannot take its part: radio.port: 31991 is not allowed; UDP port 31991",
         ),
         (
             {"cluster.hosts": "localhost,localhost", "cluster.flss_per_host": 1},

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -42,3 +43,9 @@ def test_a_run_on_two_nodes_of_ray(tmp_path):
     assert found["nobody"] == [
         2, "error: cluster.address: nothing answers at '127.0.0.1:1': Connection refused\n",
     ]  # fmt: skip
+    status, line = found["strange"]
+    assert status == 2
+    assert re.fullmatch(
+        r"error: cluster.address: node 127.0.0.1 \(\w+\) has other sources of swarmer [\d.]+ than this machine; "
+        r"install the same there\n", line
+    )  # fmt: skip

@@ -1,5 +1,6 @@
 """Runs over several agents on one machine, which share its loopback interface: nothing here needs a privilege."""
 
+import csv
 import json
 import os
 import signal
@@ -39,6 +40,14 @@ def test_a_run_on_two_hosts(tmp_path):
     assert summary["failures"] == summary["relay_rejected"] == summary["rejected"] == 0
     assert 0 < summary["relayed_datagrams"] < summary["datagrams_delivered"]
     assert 1 < summary["memory_mb_per_fls"] < 50
+    one, other = hosts(out)
+    assert int(one["flss"]) + int(other["flss"]) == 24
+    assert int(one["datagrams_in"]) + int(other["datagrams_in"]) == summary["relayed_datagrams"]
+    assert int(one["packets"]) > int(one["packets_of_datagrams"]) > 0
+    assert max(float(row["clock_bound_ms"]) for row in (one, other)) == pytest.approx(
+        summary["clock_bound_ms"], abs=1e-4
+    )
+    assert one["lost_s"] == other["lost_s"] == ""
     again = run(
         "--config",
         str(out / "config.yaml"),
@@ -49,6 +58,11 @@ def test_a_run_on_two_hosts(tmp_path):
         cwd=tmp_path,
     )
     assert again.returncode == 0, again.stderr
+
+
+def hosts(out):
+    with (out / "hosts.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
 
 
 @pytest.fixture
@@ -108,7 +122,11 @@ def test_all_hosts_gone_one_after_the_other(begun, tmp_path):
     assert summary["status"] == "failed"
     assert summary["message"].startswith("no host is left; localhost-2 is gone: ")
     assert "Traceback" not in err
-    assert (summary["hosts_lost"], summary["failures"], summary["replacements"]) == (1, 5, 5)
+    assert (summary["hosts_lost"], summary["failures"], summary["replacements"]) == (2, 5, 5)
+    first, second = hosts(tmp_path / "run")
+    assert (first["flss"], first["replaced_on"]) == ("0", "5 on localhost-2")
+    assert 0 < float(first["lost_s"]) < float(second["lost_s"])
+    assert second["replaced_on"] == ""
 
 
 def test_an_agent_without_orders_says_what_it_is():

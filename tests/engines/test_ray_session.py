@@ -60,16 +60,29 @@ def test_what_listens_and_is_no_ray_is_given_up_in_bounded_time(silent):
 
 
 def test_what_ray_says_is_one_line():
-    said = "Version mismatch: The cluster was started with:\n    Ray: 2.9.0\n    Python: 3.11.2\nThis process ..."
-    line = str(refused("head:6379", RuntimeError(said)))
-    assert line.startswith(
-        "--ray: Ray at 'head:6379' does not take us: Version mismatch: The cluster was started with"
-    )
-    assert "\n" not in line
+    line = str(refused("head:6379", RuntimeError("No way.\n  Really:\n  none")))
+    assert line == "--ray: Ray at 'head:6379' does not take us: No way. Really: none"
     assert len(str(refused("local", "x" * 5000))) < 500
     assert "no Ray runs on this machine" in str(
         refused("auto", ConnectionError("Could not find any running Ray"))
     )
+
+
+def test_a_cluster_of_another_version_is_told_with_both():
+    said = (  # as Ray 2.60.0 says it
+        "Version mismatch: The cluster was started with:\n    Ray: 2.55.0\n    Python: 3.11.7\n"
+        "This process on node 127.0.0.1 was started with:\n    Ray: 2.60.0\n    Python: 3.11.7\n"
+    )
+    assert str(refused("head:6379", RuntimeError(said))) == (
+        "--ray: the cluster at 'head:6379' has Ray 2.55.0 with Python 3.11.7, and this machine Ray 2.60.0 with "
+        "Python 3.11.7; they must be the same"
+    )
+
+
+def test_where_a_token_may_be_missing_it_is_named():
+    line = str(refused("head:6379", ConnectionError("Failed to connect to Ray cluster at head:6379")))
+    assert line.endswith("if the cluster has a token: RAY_AUTH_MODE=token, and RAY_AUTH_TOKEN or ~/.ray/auth_token "
+                         "must be its own")  # fmt: skip
 
 
 def test_without_ray_the_line_says_what_to_install(monkeypatch):

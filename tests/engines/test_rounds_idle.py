@@ -17,7 +17,8 @@ BASE = {
 
 
 def lines(**settings):
-    return idle_settings(make_plan(load_config(None, (), **BASE, **settings)))
+    config = load_config(None, (), **BASE, **settings)
+    return idle_settings(config, make_plan(config).rules, config.unlike())
 
 
 @pytest.mark.parametrize(
@@ -69,11 +70,12 @@ def test_what_is_heeded_is_not_told(heeded):
 
 def test_other_engines_have_their_own_lines_and_presets_change_nothing():
     config = load_config(None, (), **{**BASE, "engine": "virtual"}, **{"rounds.box_cells": 300})
-    assert idle_settings(make_plan(config)) == []
+    assert idle_settings(config, make_plan(config).rules, config.unlike()) == []
     for preset in ("paper", "authors_code"):
         for technique in ("signal_strength", "triangulation"):
-            settings = {**BASE, "technique": technique}
-            assert idle_settings(make_plan(load_config(preset, (), **settings)), load_config(preset)) == []
+            config = load_config(preset, (), **BASE, technique=technique)
+            rules = make_plan(config).rules
+            assert idle_settings(config, rules, config.unlike(load_config(preset))) == []
 
 
 def test_the_neighbours_of_a_yardstick_are_those_in_the_shape(capsys):

@@ -13,6 +13,7 @@ import termios
 
 import pytest
 
+from swarmer import cli
 from swarmer.config import RunConfig
 from swarmer.errors import BadInput
 from swarmer.experiments import contest as contests
@@ -403,6 +404,14 @@ def test_a_technique_that_fails_on_some_runs_is_told_and_the_rest_compared(tmp_p
     assert process.stdout.splitlines()[-1] == "o"
     rows = list(csv.DictReader((tmp_path / "o" / "results.csv").open()))
     assert {row["technique"]: row["status"] for row in rows if row["seed"] == "2"}["odd"] == "failed"
+
+
+def test_settings_that_nothing_heeds_are_told_once(capsys):
+    arguments = ["--technique", "triangulation,trilateration", "--shape", "sphere", "--set", "radio.loss=0.1"]
+    cli.load("compare").main([*arguments, "--points", "20", "--dry-run"], standalone_mode=False)
+    assert capsys.readouterr().err == (
+        "note: radio.loss: no effect with the engine rounds, which plays no protocol\n"
+    )
 
 
 @pytest.mark.parametrize(

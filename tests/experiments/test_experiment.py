@@ -129,7 +129,7 @@ def test_the_experiments_that_ship_can_be_run():
         experiment = read_experiment(name)
         runs = expand(experiment)
         if name != "scale_million":  # a minute and a gigabyte to plan
-            check_plans(runs, experiment.file)
+            assert check_plans(runs, experiment.file) == []
         engines = {run.config.engine for run in runs}
         assert (
             engines == {"process", "virtual"}
@@ -288,3 +288,29 @@ def test_a_dry_run_lists_the_runs_and_makes_none(write, monkeypatch, capsys, tmp
 
 def test_the_quiet_setting_is_one():
     assert set(experiments.QUIET) <= set(experiments.FACTS)
+
+
+def test_a_sweeps_directory_is_told_from_its_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("mine").mkdir()
+    with pytest.raises(BadInput, match=r"^experiment: 'mine' is a directory, not a file$"):
+        read_experiment("mine")
+    Path("mine/experiment.yaml").touch()
+    with pytest.raises(BadInput, match=r"not a file; that of the sweep in it is mine/experiment\.yaml$"):
+        read_experiment("mine")
+
+
+IDLE = """base: {extends: authors_code, engine: rounds, shape: sphere, points: 20, radio: {mac: true}}
+grid: {radio.loss: [0, 0.1], technique: [signal_strength, triangulation], m: [2, inf]}
+seeds: 3
+blocks: [{}, {base: {extends: paper, rounds.order: fid}}]
+"""
+
+
+def test_settings_that_nothing_heeds_are_told_once_and_those_of_presets_are_not(write, capsys):
+    cli.load("sweep").main([str(write(IDLE)), "--dry-run"], standalone_mode=False)
+    assert capsys.readouterr().err.splitlines() == [
+        "note: radio.mac, radio.loss: no effect with the engine rounds, which plays no protocol",
+        "note: m, rounds.order: no effect with technique triangulation, which has no swarms",
+        "note: rounds.order: no effect with m: 2",
+    ]

@@ -181,7 +181,7 @@ def test_half_runs_and_failed_ones_are_made_anew(write, tmp_path):
         "trace_sha256": "?",
     }
     (failed / "summary.json").write_text(json.dumps(spoilt))
-    (half / "summary.json").unlink()
+    (half / "summary.json").write_text('{"status": "done"}')
     (half / "events.csv").rename(half / "events.csv.partial")
     (out / "results.csv").unlink()
     before = (kept / "summary.json").stat().st_mtime_ns

@@ -249,6 +249,16 @@ def test_a_run_without_series_says_which_figures_it_lacks(finished_run):
     ]  # fmt: skip
 
 
+def test_the_faults_of_a_schedule_are_told_one_by_one(finished_run, quick):
+    run = load(finished_run)
+    fault = {"at": 1.5, "for": 2, "what": "cut", "where": {"half": "low", "axis": "L"}, "kinds": ["MERGE"]}
+    run.config["faults"] = {"schedule": [fault] * 30}
+    page = make_report([run])
+    line = "at: 1.5, for: 2, what: cut, where: {half: low, axis: L}, kinds: [MERGE]"
+    assert page.count(f"<li>{line}</li>") == 20
+    assert "<li>and 10 more, in config.yaml</li>" in page
+
+
 def test_failures_are_shown_where_there_are_some(finished_run, quick):
     from swarmer.engines.result import Event
 

@@ -124,6 +124,31 @@ def test_a_killed_engine_leaves_nobody(tmp_path):
     wait_for(lambda: gone([*flss, dispatcher]), 5)
 
 
+ORPHAN = """
+import ctypes, os, types
+from swarmer.engines.dispatcher import Dispatcher
+
+class Control:
+    def close(self):
+        print("it went on", flush=True)
+
+if os.fork():
+    os._exit(os.waitstatus_to_exitcode(os.wait()[1]))
+dispatcher = types.SimpleNamespace(_libc=ctypes.CDLL(None), _pid=os.getpid(), control=Control())
+if os.fork():
+    os._exit(0)
+while os.getppid() == dispatcher._pid:
+    pass
+Dispatcher._become(dispatcher, None)
+"""
+
+
+def test_an_fls_forked_while_its_dispatcher_dies_ends_with_it():
+    """The kernel tells a child of the death of its parent only if that was alive when the child asked for it."""
+    done = subprocess.run([sys.executable, "-c", ORPHAN], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
 def test_a_killed_dispatcher_fails_the_run(tmp_path):
     process, flss = begun(tmp_path)
     os.kill(dispatcher_of(process.pid), signal.SIGKILL)

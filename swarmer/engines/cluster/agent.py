@@ -33,7 +33,7 @@ from swarmer.engines.reading import kernel_drops
 from swarmer.errors import BadInput
 from swarmer.messages import Kind
 from swarmer.telemetry import Clock, Life, Phase, SharedMemory, Slot
-from swarmer.udp_wrapper import ELSEWHERE, HOME, lock_port
+from swarmer.udp_wrapper import ELSEWHERE, HOME, PORT_ALLOWED, lock_port
 
 COPY_S = 0.05  # wall seconds from one copy of the slots to the next
 WEIGH_EVERY_S, WEIGHED = 5.0, 8
@@ -100,8 +100,8 @@ class Agent:
 
     async def _obey(self) -> None:
         does = {
-            "ping": self._answer, "begin": self._begin, "peers": self._tell_relay, "clock": self._set_clock,
-            "say": self._say, "adopt": self._adopt, "look": self._look, "stop": self._stop,
+            "ping": self._answer, "reserve": self._reserve, "begin": self._begin, "peers": self._tell_relay,
+            "clock": self._set_clock, "say": self._say, "adopt": self._adopt, "look": self._look, "stop": self._stop,
         }  # fmt: skip
         while True:
             said, blob = await self.channel.hear()
@@ -118,12 +118,22 @@ class Agent:
             {"is": "pong", "asked": said["asked"], "monotonic": time.monotonic(), "wall": time.time()}
         )
 
+    async def _reserve(self, said: dict[str, Any], _: bytes) -> None:
+        """Before anything is started: can this host take so many FLSs, and is the port free?"""
+        text, port = "", said["port"]
+        try:
+            check_limits(said["flss"])
+            self._lock = lock_port(port)
+        except BadInput as error:
+            text = str(error)
+        except OSError as error:
+            text = str(BadInput("radio.port", port, f"{error}; {PORT_ALLOWED}"))
+        self.channel.say({"is": "reserved", "text": text})
+
     async def _begin(self, said: dict[str, Any], _: bytes) -> None:
         """Everything but the FLSs' go."""
         try:
             self._start(said)
-        except BadInput as error:
-            self.channel.say({"is": "refused", "text": str(error)})
         except OSError as error:
             self.channel.say({"is": "refused", "text": error.strerror or str(error)})
 
@@ -132,12 +142,11 @@ class Agent:
         run = setup["run"]
         self._patience_s, self._offset_s = said["patience_s"], said["offset_s"]
         self.fids = [row[0] for row in setup["fls"]]
-        check_limits(len(self.fids))
         count = run["rules"]["count"]
         self.shared = SharedMemory(count)
         self.clock = Clock(self.shared)
         self._write_clock(said["clock"])
-        self._lock = lock_port(run["wires"]["port"])
+        assert self._lock is not None
         self.run_id, self.key = run["run"], bytes.fromhex(run["key"])
         directory = self.shared.directory()
         for at in range(count):

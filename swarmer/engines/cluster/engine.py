@@ -65,6 +65,7 @@ class ClusterEngine:
             raise
         try:
             self._host_of = self._share_out()
+            self._runner.run(self._gathering.reserve(self._hosts, plan.config.radio.port))
         except BadInput:
             self.__exit__()
             raise
@@ -86,6 +87,7 @@ class ClusterEngine:
         most = self.plan.config.cluster.flss_per_host
         for host in self._hosts:
             host.fids = np.flatnonzero(host_of == host.index) + 1
+            host.begun = len(host.fids)
             if most is not None and len(host.fids) > most:
                 raise BadInput.saying(
                     f"cluster.flss_per_host: {most} on each of {len(self._hosts)} hosts are too few for the "
@@ -326,25 +328,26 @@ class _Run(RealTimeRun):
         host.ended.set()
         host.looked.set()
         host.channel.close()
+        self._lost.append(host.name)
+        now = host.lost_s = max(self.clock.now(), 0.0)
         if self.clock.phase != Phase.GO or not self.alive:
             self._begun[host.index].set()
             left = "no host is left; " if self.clock.phase == Phase.GO else ""
             self._fail(f"{left}{host.name} is gone: {why}")
             return
-        self._lost.append(host.name)
-        now = self.clock.now()
         there = host.fids[self.reader.life()[host.fids - 1] == Life.READY]
         for fid in there.tolist():
             self._happened("failed", {"fid": fid, "t_s": now})
         self.copy.end(host.fids)
         then = "are not replaced"
         if self.config.failure.replace:
-            then = f"are replaced on {', '.join(self._move(host.fids))}"
+            host.replaced_on = self._move(host.fids)
+            then = f"are replaced on {', '.join(host.replaced_on)}"
         text = f"{host.name} is gone ({why}); its {len(host.fids)} FLSs {then}"
         self.observer.event(Event(now, "host", 0, text))
 
-    def _move(self, fids: NDArray[np.int64]) -> list[str]:
-        """Replace FLSs on hosts that are left; the names of these."""
+    def _move(self, fids: NDArray[np.int64]) -> dict[str, int]:
+        """Replace FLSs on hosts that are left; how many go to each, by its name."""
         alive = {host.index: host for host in self.alive}
         weights = {index: float(host.cores) for index, host in alive.items()}
         to = taken_over(self.points[:, 0], self.host_of, fids - 1, weights)
@@ -362,7 +365,7 @@ class _Run(RealTimeRun):
                 row[1] = max(int(incarnations[fid - 1]), self._incarnations.get(fid, 0)) + 1
                 rows.append(row)
             alive[index].channel.say({"do": "adopt", "fls": rows}, self.copy.slots(moved))
-        return [alive[index].name for index in moves]
+        return {alive[index].name: len(moved) for index, moved in moves.items()}
 
     # -- time, speech, memory --------------------------------------------------------------------------------------
 
@@ -408,6 +411,7 @@ class _Run(RealTimeRun):
                 counts[name] = counts.get(name, 0) + count
             late += np.array(host.relay_says.get("late", [0] * BUCKETS))
         known = percentiles(late.tolist())
+        self.result.host_rows = [host.row() for host in self.hosts]
         self.result.extra |= {
             "hosts": len(self.hosts),
             "hosts_lost": len(self._lost),

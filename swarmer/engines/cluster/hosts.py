@@ -14,7 +14,9 @@ import numpy as np
 import swarmer
 from swarmer.engines.cluster.channel import Channel, NotOurs, shake_hands
 from swarmer.engines.cluster.clocks import Exchange, Offset, estimate
+from swarmer.engines.result import HostRow
 from swarmer.errors import BadInput
+from swarmer.metrics.lateness import BUCKETS, percentiles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,12 +48,33 @@ class Host:
     memory_mb: float | None = None
     drops: int = 0
     drift_s: float = 0.0  # the most that the clocks have moved against each other
+    begun: int = 0  # FLSs at first
+    lost_s: float | None = None  # emulated
+    replaced_on: dict[str, int] = field(default_factory=dict)  # host: FLSs
     looked: asyncio.Event = field(default_factory=asyncio.Event)
     ended: asyncio.Event = field(default_factory=asyncio.Event)
 
     @property
     def cores(self) -> int:
         return int(self.hello["cores"])
+
+    def row(self) -> HostRow:
+        """Its line in hosts.csv."""
+        counts: dict[str, int] = self.relay_says.get("counts", {})
+        p50, p99, most = percentiles(self.relay_says.get("late", [0] * BUCKETS)) or (None, None, None)
+        apart_ms, bound_ms, drift_ms = (
+            round(1e3 * value, 4) for value in (self.offset.apart_s, self.offset.bound_s, self.drift_s)
+        )
+        return HostRow(
+            host=self.name, cores=self.cores, flss_begun=self.begun, flss=len(self.fids) if self.alive else 0,
+            datagrams_out=counts.get("crossed"), datagrams_in=counts.get("arrived"), packets=counts.get("packets"),
+            packets_of_datagrams=counts.get("packets_of_datagrams"), packet_bytes=counts.get("packet_bytes"),
+            lost=counts.get("lost"), send_failed=counts.get("send_failed"), rejected=counts.get("rejected"),
+            dropped_by_kernel=self.drops, late_p50_ms=p50, late_p99_ms=p99, late_max_ms=most,
+            clock_apart_ms=apart_ms, clock_bound_ms=bound_ms, clock_drift_ms=drift_ms,
+            lost_s=None if self.lost_s is None else round(self.lost_s, 4),
+            replaced_on=", ".join(f"{count} on {name}" for name, count in self.replaced_on.items()),
+        )  # fmt: skip
 
 
 class Gathering:
@@ -142,6 +165,19 @@ class Gathering:
         except (ConnectionError, TimeoutError):
             raise BadInput.saying(f"{self._launcher.setting}: {host.name}: it fell silent at once") from None
         check_clock(self._cluster, host.name, host.offset)
+
+    async def reserve(self, hosts: list[Host], port: int) -> None:
+        """Have each host look whether it can take its FLSs, and keep a port for them. Raises BadInput."""
+        for host in hosts:  # one after the other: of two on one machine the second finds the port taken
+            host.channel.say({"do": "reserve", "flss": len(host.fids), "port": port})
+            try:
+                answer, _ = await asyncio.wait_for(host.channel.hear(), ANSWER_S)
+            except (ConnectionError, TimeoutError):
+                answer = {"text": host.launched.last_words() or "it fell silent"}
+            if answer["text"]:
+                raise BadInput.saying(
+                    f"{self._launcher.setting}: {host.name} cannot take its part: {answer['text']}"
+                )
 
 
 def check_clock(cluster: Cluster, name: str, offset: Offset) -> None:

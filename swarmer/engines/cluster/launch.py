@@ -98,7 +98,8 @@ class Commands:
         try:
             return Program(program, orders)
         except OSError as error:
-            raise BadInput.saying(f"cluster.launch: {program[0]}: {error.strerror}") from None
+            setting = "cluster.python" if program[0] == self._cluster.python else "cluster.launch"
+            raise BadInput.saying(f"{setting}: {program[0]}: {error.strerror}") from None
 
     def close(self) -> None:
         """Nothing is left: every agent was ended by itself."""

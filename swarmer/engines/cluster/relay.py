@@ -51,6 +51,7 @@ XI_BYTES = 4
 COUNTS = (
     "crossed",
     "packets",
+    "packets_of_datagrams",
     "packet_bytes",
     "lost",
     "arrived",
@@ -208,6 +209,7 @@ class Relay:
             peer.number += 1
             packet = pack(what, self.setup.host, peer.number, parts[at : at + most], self.setup.key, size)
             self.counts["packets"] += 1
+            self.counts["packets_of_datagrams"] += what == What.DATAGRAMS
             self.counts["packet_bytes"] += len(packet)
             try:
                 self._outside.sendto(packet, peer.address)
