@@ -294,7 +294,8 @@ def test_on_slurm_a_signal_ends_the_sweep_in_good_order(begun, bench, tmp_path):
         where=venv,
     )
     done = run(
-        "slurm.sbatch", "loss_map", path=bench.path, VENV=tmp_path / "venv", SLURM_JOB_NODELIST="n1", SLURM_CPUS_ON_NODE=1
+        "slurm.sbatch", "loss_map", path=bench.path, VENV=tmp_path / "venv", SLURM_JOB_NODELIST="n1",
+        SLURM_CPUS_ON_NODE=1,
     )  # fmt: skip
     assert done.returncode == (130 if begun else 143), done.stderr
     assert (tmp_path / "table").exists() == begun

@@ -111,8 +111,8 @@ def probe(address: str, limit_s: float = PROBE_S) -> None:
         said, _ = process.communicate(timeout=limit_s)
     except subprocess.TimeoutExpired:
         raise BadInput.saying(
-            f"--ray: no Ray has answered at {shown(address)} within {limit_s:g} s; is it one, and is "
-            "RAY_AUTH_TOKEN that of the cluster?"
+            f"--ray: no Ray has answered at {shown(address)} within {limit_s:g} s; is it one, is this machine part of "
+            "it, and is RAY_AUTH_TOKEN that of the cluster?"
         ) from None
     finally:
         with contextlib.suppress(ProcessLookupError):
@@ -147,7 +147,10 @@ def refused(address: str, error: Exception | str) -> BadInput:
             f"--ray: no Ray runs on this machine; `ray start --head` starts one, and without {AUTO} we do"
         )
     where = "cannot be started here" if address == LOCAL else f"at {shown(address)} does not take us"
-    return BadInput.saying(f"--ray: Ray {where}: {_one_line(error)}")
+    text = _one_line(error)
+    # Of a wrong token it says no more than this.
+    hint = "; is RAY_AUTH_TOKEN that of the cluster?" if text.startswith("Failed to connect to Ray") else ""
+    return BadInput.saying(f"--ray: Ray {where}: {text}{hint}")
 
 
 def _one_line(error: Exception | str) -> str:

@@ -67,6 +67,9 @@ def test_what_ray_says_is_one_line():
     )
     assert "\n" not in line
     assert len(str(refused("local", "x" * 5000))) < 500
+    assert str(refused("head:1", "Failed to connect to Ray cluster at head:1")).endswith(
+        "; is RAY_AUTH_TOKEN that of the cluster?"
+    )
     assert "no Ray runs on this machine" in str(
         refused("auto", ConnectionError("Could not find any running Ray"))
     )
