@@ -9,6 +9,7 @@ import shutil
 import stat
 import subprocess
 import sys
+import tomllib
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -83,6 +84,26 @@ def test_the_container_installs_what_is_pinned_and_the_extra():
     assert kubernetes["spec"]["rayVersion"] == pinned.partition("==")[2]
 
 
+def test_the_container_takes_along_what_a_wheel_is_made_of_and_no_more():
+    """Not the whole checkout: an environment and runs in it are gigabytes."""
+    lines = (SCRIPTS / "Containerfile").read_text().splitlines()
+    taken = {name for line in lines if line.startswith("COPY ") for name in line.split()[1:-1]}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
+    needed = {*wheel["packages"], *wheel["force-include"], *project["project"]["license-files"]}
+    assert taken == needed | {"pyproject.toml", "constraints.txt", project["project"]["readme"]}
+
+
+def test_the_container_has_what_ray_up_needs_inside():
+    text = (SCRIPTS / "Containerfile").read_text()
+    cloud = (SCRIPTS / "cloud.yaml").read_text()
+    packages = text.split("install --no-install-recommends --yes ")[1].split("\\")[0].split()
+    assert {"rsync", "tmux"} <= set(packages), "for `ray rsync-down` and `ray exec --tmux`"
+    assert "--tmux" in cloud
+    # `ray up` asks the image for HOME, and puts ~ of `file_mounts` there.
+    assert "ENV HOME=/home/ray " in text
+
+
 def test_the_cloud_file_is_as_rays_schema_has_it():
     if find_spec("ray") is None:
         pytest.skip("NOT CHECKED: needs the extra `cluster`")
@@ -92,6 +113,8 @@ def test_the_cloud_file_is_as_rays_schema_has_it():
     schema = json.loads((Path(ray.autoscaler.__file__).parent / "ray-schema.json").read_text())
     cloud = yaml.safe_load((SCRIPTS / "cloud.yaml").read_text())
     jsonschema.validate(cloud, schema)
+    # Said, or Ray has commands of its own there, which install another Ray.
+    assert cloud["setup_commands"] == cloud["worker_setup_commands"] == []
     workers = cloud["available_node_types"]["worker"]
     assert workers["min_workers"] == workers["max_workers"] == cloud["max_workers"]
     assert cloud["available_node_types"][cloud["head_node_type"]]["resources"] == {"CPU": 0}
