@@ -9,6 +9,7 @@ import shutil
 import stat
 import subprocess
 import sys
+import tomllib
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -83,6 +84,26 @@ def test_the_container_installs_what_is_pinned_and_the_extra():
     assert kubernetes["spec"]["rayVersion"] == pinned.partition("==")[2]
 
 
+def test_the_container_takes_along_what_a_wheel_is_made_of_and_no_more():
+    """Not the whole checkout: an environment and runs in it are gigabytes."""
+    lines = (SCRIPTS / "Containerfile").read_text().splitlines()
+    taken = {name for line in lines if line.startswith("COPY ") for name in line.split()[1:-1]}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
+    needed = {*wheel["packages"], *wheel["force-include"], *project["project"]["license-files"]}
+    assert taken == needed | {"pyproject.toml", "constraints.txt", project["project"]["readme"]}
+
+
+def test_the_container_has_what_ray_up_needs_inside():
+    text = (SCRIPTS / "Containerfile").read_text()
+    cloud = (SCRIPTS / "cloud.yaml").read_text()
+    packages = text.split("install --no-install-recommends --yes ")[1].split("\\")[0].split()
+    assert {"rsync", "tmux"} <= set(packages), "for `ray rsync-down` and `ray exec --tmux`"
+    assert "--tmux" in cloud
+    # `ray up` asks the image for HOME, and puts ~ of `file_mounts` there.
+    assert "ENV HOME=/home/ray " in text
+
+
 def test_the_cloud_file_is_as_rays_schema_has_it():
     if find_spec("ray") is None:
         pytest.skip("NOT CHECKED: needs the extra `cluster`")
@@ -92,6 +113,8 @@ def test_the_cloud_file_is_as_rays_schema_has_it():
     schema = json.loads((Path(ray.autoscaler.__file__).parent / "ray-schema.json").read_text())
     cloud = yaml.safe_load((SCRIPTS / "cloud.yaml").read_text())
     jsonschema.validate(cloud, schema)
+    # Said, or Ray has commands of its own there, which install another Ray.
+    assert cloud["setup_commands"] == cloud["worker_setup_commands"] == []
     workers = cloud["available_node_types"]["worker"]
     assert workers["min_workers"] == workers["max_workers"] == cloud["max_workers"]
     assert cloud["available_node_types"][cloud["head_node_type"]]["resources"] == {"CPU": 0}
@@ -169,15 +192,19 @@ def test_over_ssh_the_first_host_is_the_head_and_the_others_join_it_with_one_tok
     done = run("ssh.sh", "up", tmp_path / "hosts", tmp_path / "venv", path=bench.path, SSH=ssh)
     assert done.returncode == 0, done.stderr
     rays = sorted(call for call in bench.calls() if call.startswith("ray "))
-    assert rays[2] == "ray start --head --port=6379 --include-dashboard=false --disable-usage-stats"
-    assert rays[:2] == ["ray start --address=first:6379"] * 2
+    assert rays == [
+        *["ray start --log-color=false --address=first:6379"] * 2,
+        "ray start --log-color=false --head --port=6379 --include-dashboard=false --disable-usage-stats",
+    ]
+    assert sorted(done.stderr.splitlines()) == ["me@first: head", "second: joined", "third: joined"]
     assert next(call for call in bench.calls() if call.startswith("ssh ")).startswith("ssh me@first ")
     [(mode, token)] = bench.tokens("ray")
     assert mode == "token"
     assert len(token) == 64
     assert token not in "".join(bench.calls())  # on no command line
     assert done.stdout.splitlines() == [
-        f"export RAY_AUTH_MODE=token RAY_AUTH_TOKEN={token}", "swarmer sweep FILE --ray first:6379",
+        "# on me@first, or another of the hosts:", f"export RAY_AUTH_MODE=token RAY_AUTH_TOKEN={token}",
+        f"{tmp_path}/venv/bin/swarmer sweep FILE --ray first:6379",
     ]  # fmt: skip
     assert (
         run("ssh.sh", "down", tmp_path / "hosts", tmp_path / "venv", path=bench.path, SSH=ssh).returncode == 0
@@ -185,19 +212,49 @@ def test_over_ssh_the_first_host_is_the_head_and_the_others_join_it_with_one_tok
     assert bench.calls()[-1] == "ray stop"
 
 
+def test_over_ssh_options_of_ray_reach_it_whole(bench, tmp_path):
+    (tmp_path / "hosts").write_text("first\n")
+    bench("ray", 'for one; do echo "[$one]" >> $(dirname $0)/words; done', where=tmp_path / "venv" / "bin")
+    options = """--resources='{"a": 1}' --temp-dir="/a b" """
+    ssh = bench("ssh", 'shift; bash -c "$*"')
+    done = run(
+        "ssh.sh", "up", tmp_path / "hosts", tmp_path / "venv", path=bench.path, SSH=ssh, HEAD_OPTIONS=options
+    )
+    assert done.returncode == 0, done.stderr
+    words = (tmp_path / "venv" / "bin" / "words").read_text().splitlines()
+    assert words[-2:] == ['[--resources={"a": 1}]', "[--temp-dir=/a b]"]
+
+
+def test_over_ssh_a_head_that_no_other_host_reaches_is_told(bench, tmp_path):
+    """Ray on a host without a default route takes what /etc/hosts says of the host itself."""
+    (tmp_path / "hosts").write_text(HOSTS)
+    bench("ray", "echo 'Local node IP: 127.0.1.1'", where=tmp_path / "venv" / "bin")
+    ssh = bench("ssh", 'shift; bash -c "$*"')
+    done = run("ssh.sh", "up", tmp_path / "hosts", tmp_path / "venv", path=bench.path, SSH=ssh)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: me@first is 127.0.1.1 to itself, where no other host reaches it;")
+    assert len([call for call in bench.calls() if call.startswith("ray ")]) == 1  # nobody joins that
+
+
 def test_over_ssh_a_host_that_cannot_join_is_named(bench, tmp_path):
     (tmp_path / "hosts").write_text(HOSTS)
-    done = run("ssh.sh", "up", tmp_path / "hosts", path=bench.path, SSH=bench("ssh", '[ "$1" != third ]'))
+    done = run(
+        "ssh.sh", "up", tmp_path / "hosts", path=bench.path, SSH=bench("ssh", 'echo busy; [ "$1" != third ]')
+    )
     assert done.returncode == 1
-    assert done.stderr == "error: third could not join\n"
+    told = done.stderr.splitlines()
+    assert sorted(told) == ["error: third could not join", "me@first: head", "second: joined", "third: busy"]
+    assert told.index("third: busy") < told.index("error: third could not join")
 
 
 def test_over_ssh_a_host_that_cannot_be_stopped_is_named_and_the_others_are(bench, tmp_path):
     (tmp_path / "hosts").write_text(HOSTS)
     ssh = bench("ssh", '[ "$1" != second ]')
     done = run("ssh.sh", "down", tmp_path / "hosts", path=bench.path, SSH=ssh)
-    assert done.returncode == 0
-    assert "second: could not be stopped" in done.stderr
+    assert done.returncode == 1
+    assert sorted(done.stderr.splitlines()) == [
+        "error: second could not be stopped", "me@first: stopped", "third: stopped",
+    ]  # fmt: skip
     assert len(bench.calls()) == 3
 
 
@@ -242,3 +299,26 @@ def test_on_slurm_every_node_joins_and_the_sweep_is_the_job(status, bench, tmp_p
     [(mode, token)] = bench.tokens("ray")
     assert mode == "token"
     assert token not in "".join(calls)  # on no command line
+
+
+@pytest.mark.parametrize("begun", [True, False])
+def test_on_slurm_a_signal_ends_the_sweep_in_good_order(begun, bench, tmp_path):
+    """Slurm sends it a minute before the limit: the job waits until the sweep has written its table."""
+    bench("scontrol", "echo n1")
+    bench(
+        "srun", 'while [ "${1#-}" != "$1" ]; do case $1 in -w) shift 2 ;; *) shift ;; esac; done; exec "$@"'
+    )
+    venv = tmp_path / "venv" / "bin"
+    bench("ray", "exec sleep 60", where=venv)
+    bench("python", "" if begun else "kill -TERM $PPID; sleep 0.2; exit 1", where=venv)
+    bench(
+        "swarmer",
+        f"trap 'sleep 1; echo > {tmp_path}/table; exit 130' TERM\nkill -TERM $PPID; while sleep 0.1; do :; done",
+        where=venv,
+    )
+    done = run(
+        "slurm.sbatch", "loss_map", path=bench.path, VENV=tmp_path / "venv", SLURM_JOB_NODELIST="n1",
+        SLURM_CPUS_ON_NODE=1,
+    )  # fmt: skip
+    assert done.returncode == (130 if begun else 143), done.stderr
+    assert (tmp_path / "table").exists() == begun

@@ -117,8 +117,8 @@ def probe(address: str, limit_s: float = PROBE_S) -> None:
         said, _ = process.communicate(timeout=limit_s)
     except subprocess.TimeoutExpired:
         raise BadInput.saying(
-            f"--ray: no Ray has answered at {shown(address)} within {limit_s:g} s; is it one, and is "
-            "RAY_AUTH_TOKEN that of the cluster?"
+            f"--ray: no Ray has answered at {shown(address)} within {limit_s:g} s; is it one, is this machine part of "
+            "it, and is RAY_AUTH_TOKEN that of the cluster?"
         ) from None
     finally:
         with contextlib.suppress(ProcessLookupError):

@@ -108,6 +108,12 @@ class Namespaces:
         """Its cable is pulled: nothing gets in or out any more, and all in it goes on."""
         self._in(name, "link", "set", "eth", "down")
 
+    def part(self, *names: str) -> None:
+        """A firewall: these hosts reach the engine, and not each other."""
+        for name in names:
+            port = f"to{self.hosts.index(name) + 2}"
+            self._in(self.engine, "link", "set", port, "type", "bridge_slave", "isolated", "on")
+
     def settings(self) -> list[str]:
         """For `swarmer-run`."""
         return [

@@ -144,7 +144,7 @@ def test_a_host_that_does_not_call():
         writer.close()
 
     line = refused(behave)
-    assert line == "cluster.hosts: b: no call from there in 3 s; can it reach cluster.listen?"
+    assert line == "cluster.hosts: b: no call from there in 3 s; is it up, and can it reach cluster.listen?"
 
 
 def test_a_host_that_cannot_take_its_part():
@@ -233,6 +233,8 @@ def test_a_host_that_is_not_reached(launch, said):
         ({"cluster.hosts": "-oProxyCommand=x"}, "cluster.hosts: '-oProxyCommand=x' is not allowed; names"),
         ({"cluster.hosts": ",".join("abcde")}, "cluster.hosts: 5 hosts are more than the 4 FLSs of the run"),
         ({"cluster.hosts": "a", "cluster.listen": "203.0.113.9"}, "cluster.listen: '203.0.113.9' is not allowed"),
+        ({"cluster.hosts": "a", "cluster.listen": "::1"}, "cluster.listen: '::1' is not allowed; Address family"),
+        ({"cluster.hosts": "::1"}, "cluster.hosts: ::1 is no name on this network, nor an IPv4 address"),
         ({"cluster.hosts": "no.such.host.invalid"}, "cluster.hosts: no.such.host.invalid is no name on"),
         (
             {"cluster.hosts": "localhost", "battery.flight_s": 9, "battery.standby_group": 2},

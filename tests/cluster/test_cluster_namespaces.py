@@ -123,3 +123,18 @@ def test_a_clock_that_began_a_day_before_and_a_cable_that_is_pulled(net, tmp_pat
     assert summary["relay_late_ms"]["max"] < 10_000, "not a day"
     [told] = [event for event in events(run.out) if event["kind"] == "host"]
     assert "nothing was heard from it for " in told["text"]
+
+
+def test_hosts_that_do_not_reach_each_other_are_told_before_anything_flies(net, tmp_path):
+    """Their agents reach the engine, as on a cluster whose firewall knows TCP alone."""
+    net.part(*net.hosts[1:])
+    run = ClusterRun(net, tmp_path, "--shape", "sphere", "--points", "9", "--duration", "5")
+    _, err = run.process.communicate(timeout=60)
+    assert run.process.returncode == 1
+    summary = json.loads((run.out / "summary.json").read_text())
+    assert (summary["status"], summary["emulated_s"]) == ("failed", 0)
+    one, other = net.hosts[1:]
+    assert summary["message"].startswith(
+        f"{one} hears nothing from {other}: UDP from 10.77.0.4 does not get to 10.77.0.3"
+    )
+    assert "Traceback" not in err

@@ -292,3 +292,19 @@ def test_a_batch_is_what_was_said(air):
     air.relays[0].flush()
     batches = [unpack(packet, KEY) for packet in arrived(air.outside[1])]
     assert [batch.parts for batch in batches if batch.what == What.DATAGRAMS] == [[data]]
+
+
+def test_a_relay_knows_whom_it_has_heard():
+    """Also hosts on which nobody listens to a swarm yet: that is how it is before a run."""
+    air = Air()
+    directory = air.memories[2].directory()
+    for at in range(6):
+        directory[at] = 0
+    air.relays[0].know([[1, *air.outside[1].getsockname(), BOXES[1]]], HOST_OF)  # it cannot send to the third
+    for relay in air.relays:
+        relay.flush()
+    for relay, outside in zip(air.relays, air.outside, strict=True):
+        for packet in arrived(outside):
+            relay.hear(packet)
+    assert [relay.heard for relay in air.relays] == [{1}, {0, 2}, {1}]
+    air.close()

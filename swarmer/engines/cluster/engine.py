@@ -11,6 +11,7 @@ import asyncio
 import contextlib
 import secrets
 import time
+from itertools import permutations
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 
 AHEAD_S = 0.05  # wall seconds from saying that time goes otherwise to its doing so, on all hosts at once
 BEGIN_S = 30.0  # wall seconds for a host to have begun
+HEAR_S = 5.0  # wall seconds for the relays to hear each other, which they do four times a second
 LOOK_PATIENCE_S = 3.0
 END_PATIENCE_S = 10.0
 PINGS = 8  # within the patience with a host
@@ -163,7 +165,7 @@ class _Run(RealTimeRun):
             self._begin()
             self._tasks.append(asyncio.create_task(self._keep()))
             await self._all_begun()
-            if not self.stopping.is_set() and await self._all_ready():
+            if not self.stopping.is_set() and await self._all_ready() and await self._all_hear():
                 await self._rehearse()
                 self.result.launch_s = time.monotonic() - began
                 await self._fly()
@@ -206,6 +208,27 @@ class _Run(RealTimeRun):
             if not self._begun[host.index].is_set():
                 raise RunFailed(f"{host.name} did not begin within {BEGIN_S:g} s")
         self._tell_peers()
+
+    async def _all_hear(self) -> bool:
+        """Wait until each relay has heard all others; False if the run was stopped before.
+
+        Where a firewall lets no UDP pass between two hosts, what comes of a run would look like the protocol's doing.
+        Raises RunFailed.
+        """
+        deadline = time.monotonic() + HEAR_S
+        while not self.stopping.is_set():
+            pairs = permutations(self.hosts, 2)
+            deaf = [(to, of) for to, of in pairs if of.index not in to.relay_says.get("heard", ())]
+            if not deaf:
+                return True
+            if time.monotonic() > deadline:
+                to, of = deaf[0]
+                raise RunFailed(
+                    f"{to.name} hears nothing from {of.name}: UDP from {of.relay[0]} does not get to {to.relay[0]}, "
+                    "where each run has a free port; does a firewall drop it?"
+                )
+            await self._sleep(0.05)
+        return False
 
     def _tell_peers(self) -> None:
         """Who is where, for the relays."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import secrets
+import socket
 import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -90,10 +91,10 @@ class Gathering:
         """All hosts, in the order of their names. Raises BadInput, and then none is left running."""
         address = self._launcher.address()
         try:
-            server = await asyncio.start_server(self._meet, address, 0, limit=1 << 28)
+            server = await asyncio.start_server(self._meet, address, 0, family=socket.AF_INET, limit=1 << 28)
         except OSError as error:
             raise BadInput(
-                "cluster.listen", address, f"{error.strerror}; an address of this machine"
+                "cluster.listen", address, f"{error.strerror}; an IPv4 address of this machine"
             ) from None
         try:
             port = server.sockets[0].getsockname()[1]
@@ -146,7 +147,7 @@ class Gathering:
                     raise BadInput.saying(f"{self._launcher.setting}: {name}: {words}")
             if time.monotonic() > deadline:
                 name = next(name for name in self._names if name not in self._met)
-                words = self._launched[name].last_words() or "can it reach cluster.listen?"
+                words = self._launched[name].last_words() or "is it up, and can it reach cluster.listen?"
                 raise BadInput.saying(
                     f"{self._launcher.setting}: {name}: no call from there in {self._launcher.patience_s:g} s; {words}"
                 )

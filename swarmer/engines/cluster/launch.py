@@ -84,8 +84,8 @@ class Commands:
             sock.connect((other.rpartition("@")[2], 9))  # nothing is sent
             return str(sock.getsockname()[0])
         raise BadInput.saying(
-            f"cluster.hosts: {other} is no name on this network; where only cluster.launch knows it, give "
-            "cluster.listen the address at which hosts reach this machine"
+            f"cluster.hosts: {other} is no name on this network, nor an IPv4 address; where only cluster.launch knows "
+            "it, as ~/.ssh/config does, give cluster.listen the IPv4 address at which hosts reach this machine"
         )
 
     def start(self, name: str, orders: bytes) -> Launched:

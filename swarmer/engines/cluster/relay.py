@@ -113,6 +113,7 @@ class Relay:
         self._swarms: set[int] = set()  # as told to the others
         self._retuned, self._tell_at = False, 0.0
         self.counts = dict.fromkeys(COUNTS, 0)
+        self.heard: set[int] = set()  # hosts from which a packet has come
         self.histogram = [0] * BUCKETS  # how long a datagram took from its FLS to this host, emulated ms
         self.have(setup.here, setup.truth)
 
@@ -205,7 +206,7 @@ class Relay:
 
     def _send(self, peer: Peer, what: What, parts: list[bytes], size: int) -> None:
         most = fits(size)
-        for at in range(0, len(parts), most):
+        for at in range(0, max(1, len(parts)), most):
             peer.number += 1
             packet = pack(what, self.setup.host, peer.number, parts[at : at + most], self.setup.key, size)
             self.counts["packets"] += 1
@@ -226,7 +227,7 @@ class Relay:
         else:
             what, told = What.SWARMS, here - self._swarms
             here |= self._swarms
-        if told:
+        if told or what == What.ALL_SWARMS:  # a list of none as well: it shows that packets get there
             parts = [xi.to_bytes(XI_BYTES, "big") for xi in sorted(told)]
             for peer in self._peers.values():
                 self._send(peer, what, parts, XI_BYTES)
@@ -245,6 +246,7 @@ class Relay:
         if peer is None or not self._window.fresh(batch.host, 0, batch.number):
             self.counts["repeated"] += 1
             return
+        self.heard.add(batch.host)
         if batch.what == What.DATAGRAMS:
             for data in batch.parts:
                 self._hand_on(data)
@@ -336,7 +338,7 @@ def obey(relay: Relay, said: dict[str, Any], control: socket.socket) -> None:
     if "peers" in said:
         relay.have(said["here"], said["truth"])
         relay.know(said["peers"], said["host_of"])
-    answer = {"counts": relay.counts, "late": relay.histogram}
+    answer = {"counts": relay.counts, "late": relay.histogram, "heard": sorted(relay.heard)}
     control.sendall(json.dumps(answer).encode() + b"\n")
 
 
