@@ -360,7 +360,7 @@ def strikes(cells: Cells, sweep: Path) -> str:
         highest, one, tenth, lit = (list(its) for its in zip(*found, strict=True))
         lines.append([
             ", ".join(dict.fromkeys(map(partial(_words, runs[0].config), _schedule(runs[0])))), str(len(runs)),
-            _range(highest, "{:.2g}"), _range(one, "{:.1f}"), _range(tenth, "{:.1f}"),
+            _range([float(f"{hd:.2g}") for hd in highest], "{:g}"), _range(one, "{:.1f}"), _range(tenth, "{:.1f}"),
             _range([100 * share for share in lit], "{:.1f}") + " %",
         ])  # fmt: skip
     return table(titles, lines)
