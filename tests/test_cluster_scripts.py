@@ -101,7 +101,8 @@ def test_the_container_has_what_ray_up_needs_inside():
     assert {"rsync", "tmux"} <= set(packages), "for `ray rsync-down` and `ray exec --tmux`"
     assert "--tmux" in cloud
     # `ray up` asks the image for HOME, and puts ~ of `file_mounts` there.
-    assert "ENV HOME=/home/ray " in text
+    assert "--home-dir /ray " in text
+    assert "ENV HOME=/ray " in text
 
 
 def test_the_cloud_file_is_as_rays_schema_has_it():

@@ -16,6 +16,7 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -224,7 +225,7 @@ def check_versions(ray: ModuleType, those: list[Node]) -> list[Node]:
     """
     look = ray.remote(num_cpus=0, max_retries=0)(_looker())
     asked = [look.options(scheduling_strategy=on_node(ray, node.id)).remote() for node in those]
-    ours = Versions(*_looker()())
+    ours = versions_here()
     there, errors = [], ray.exceptions
     for node, answer in zip(those, asked, strict=True):
         try:
@@ -252,6 +253,12 @@ def check_same(name: str, ours: Versions, theirs: Versions) -> None:
         )
 
 
+@cache
+def versions_here() -> Versions:
+    """This machine's; that of Ray is empty where it is not installed."""
+    return Versions(*_looker()())
+
+
 def _looker() -> Callable[[], tuple[str, str, str, str]]:
     """A function that tells its node's versions. It travels whole: the node may have no swarmer, or another."""
 
@@ -259,11 +266,14 @@ def _looker() -> Callable[[], tuple[str, str, str, str]]:
         import hashlib
         import importlib.util
         import platform
+        from importlib.metadata import PackageNotFoundError, version
         from pathlib import Path
 
-        import ray
-
-        python, its_ray = ".".join(platform.python_version_tuple()[:2]), ray.__version__
+        python, its_ray = ".".join(platform.python_version_tuple()[:2]), ""
+        try:
+            its_ray = version("ray")
+        except PackageNotFoundError:
+            pass
         spec = importlib.util.find_spec("swarmer")
         if spec is None or spec.origin is None:
             return python, its_ray, "", ""

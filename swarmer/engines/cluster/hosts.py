@@ -15,6 +15,7 @@ import numpy as np
 import swarmer
 from swarmer.engines.cluster.channel import Channel, NotOurs, shake_hands
 from swarmer.engines.cluster.clocks import Exchange, Offset, estimate
+from swarmer.engines.ray_session import versions_here
 from swarmer.engines.result import HostRow
 from swarmer.errors import BadInput
 from swarmer.metrics.lateness import BUCKETS, percentiles
@@ -160,6 +161,11 @@ class Gathering:
             raise BadInput.saying(
                 f"{self._launcher.setting}: {host.name} has swarmer {version}, this is {swarmer.__version__}; "
                 "the same everywhere"
+            )
+        if host.hello.get("sources") != versions_here().sources:
+            raise BadInput.saying(
+                f"{self._launcher.setting}: {host.name} has other sources of swarmer {version} than this machine; "
+                "install the same there"
             )
         try:
             host.offset = estimate([await exchange(host.channel) for _ in range(EXCHANGES)])
