@@ -256,10 +256,8 @@ def _looker() -> Callable[[], tuple[str, str, str, str]]:
     """A function that tells its node's versions. It travels whole: the node may have no swarmer, or another."""
 
     def look() -> tuple[str, str, str, str]:
-        import hashlib
         import importlib.util
         import platform
-        from pathlib import Path
 
         import ray
 
@@ -267,10 +265,10 @@ def _looker() -> Callable[[], tuple[str, str, str, str]]:
         spec = importlib.util.find_spec("swarmer")
         if spec is None or spec.origin is None:
             return python, its_ray, "", ""
-        digest = hashlib.sha256()
-        home = Path(spec.origin).parent
-        for path in sorted(home.rglob("*.py")):
-            digest.update(path.relative_to(home).as_posix().encode() + b"\0" + path.read_bytes())
-        return python, its_ray, importlib.import_module("swarmer").__version__, digest.hexdigest()
+        try:
+            sources = importlib.import_module("swarmer.engines.sources").sources_sha256()
+        except (ImportError, OSError):
+            sources = "unknown"  # those of another version
+        return python, its_ray, importlib.import_module("swarmer").__version__, sources
 
     return look
