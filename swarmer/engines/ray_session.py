@@ -16,7 +16,6 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from functools import cache
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -225,7 +224,7 @@ def check_versions(ray: ModuleType, those: list[Node]) -> list[Node]:
     """
     look = ray.remote(num_cpus=0, max_retries=0)(_looker())
     asked = [look.options(scheduling_strategy=on_node(ray, node.id)).remote() for node in those]
-    ours = versions_here()
+    ours = Versions(*_looker()())
     there, errors = [], ray.exceptions
     for node, answer in zip(those, asked, strict=True):
         try:
@@ -253,34 +252,23 @@ def check_same(name: str, ours: Versions, theirs: Versions) -> None:
         )
 
 
-@cache
-def versions_here() -> Versions:
-    """This machine's; that of Ray is empty where it is not installed."""
-    return Versions(*_looker()())
-
-
 def _looker() -> Callable[[], tuple[str, str, str, str]]:
     """A function that tells its node's versions. It travels whole: the node may have no swarmer, or another."""
 
     def look() -> tuple[str, str, str, str]:
-        import hashlib
         import importlib.util
         import platform
-        from importlib.metadata import PackageNotFoundError, version
-        from pathlib import Path
 
-        python, its_ray = ".".join(platform.python_version_tuple()[:2]), ""
-        try:
-            its_ray = version("ray")
-        except PackageNotFoundError:
-            pass
+        import ray
+
+        python, its_ray = ".".join(platform.python_version_tuple()[:2]), ray.__version__
         spec = importlib.util.find_spec("swarmer")
         if spec is None or spec.origin is None:
             return python, its_ray, "", ""
-        digest = hashlib.sha256()
-        home = Path(spec.origin).parent
-        for path in sorted(home.rglob("*.py")):
-            digest.update(path.relative_to(home).as_posix().encode() + b"\0" + path.read_bytes())
-        return python, its_ray, importlib.import_module("swarmer").__version__, digest.hexdigest()
+        try:
+            sources = importlib.import_module("swarmer.engines.sources").sources_sha256()
+        except (ImportError, OSError):
+            sources = "unknown"  # those of another version
+        return python, its_ray, importlib.import_module("swarmer").__version__, sources
 
     return look

@@ -90,12 +90,27 @@ def over_run(axes: Axes, clock: Clock, marks: Sequence[Mark], columns: int = 0, 
 
 
 def draw_marks(axes: Axes, marks: Sequence[Mark]) -> None:
-    """Bands and lines, above what is drawn, and so pale that it is seen."""
-    for mark in most_marked(marks):
-        if mark.end > mark.begin:
-            axes.axvspan(mark.begin, mark.end, color=SOFT, alpha=0.13, linewidth=0, zorder=2.5)
-        for at in {mark.begin, mark.end}:
-            axes.axvline(at, color=SOFT, linewidth=0.9, linestyle=(0, (3, 2)), zorder=2.6)
+    """Bands and lines, above what is drawn, and so pale that it is seen; where faults overlap no band is darker."""
+    shown = most_marked(marks)
+    for begin, end in spans(shown):
+        axes.axvspan(begin, end, color=SOFT, alpha=0.13, linewidth=0, zorder=2.5)
+    for at in sorted({at for mark in shown for at in (mark.begin, mark.end)}):
+        axes.axvline(at, color=SOFT, linewidth=0.8, linestyle=(0, (3, 2)), zorder=2.6)
+
+
+def spans(marks: Sequence[Mark]) -> list[tuple[float, float]]:
+    """When anything lasts. marks: in order.
+
+    >>> spans([Mark(1, 4, "cut"), Mark(2, 2, "kill"), Mark(3, 6, "loss"), Mark(8, 9, "slow")])
+    [(1, 6), (8, 9)]
+    """
+    found: list[tuple[float, float]] = []
+    for mark in marks:
+        if found and mark.begin <= found[-1][1]:
+            found[-1] = found[-1][0], max(found[-1][1], mark.end)
+        elif mark.end > mark.begin:
+            found.append((mark.begin, mark.end))
+    return found
 
 
 def _name(axes: Axes, marks: Sequence[Mark]) -> None:

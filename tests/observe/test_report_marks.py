@@ -75,7 +75,7 @@ def test_of_many_the_longest_are_marked_and_every_lost_host(many):
     axes.plot([0, 5], [1, 10])
     axes.set_yscale("log")
     over_run(axes, SECONDS, many, named=True)
-    assert len(axes.patches) == MARKS_MAX - 1
+    assert 1 <= len(axes.patches) < MARKS_MAX
     assert len(axes.lines) <= 1 + 2 * MARKS_MAX
     assert 1 <= len(axes.texts) <= MARKS_MAX
 

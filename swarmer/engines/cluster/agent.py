@@ -29,8 +29,8 @@ from swarmer.engines.cluster.copies import Copier
 from swarmer.engines.cluster.relay import udp_socket
 from swarmer.engines.limits import available_mb, check_limits, cores
 from swarmer.engines.process import mean_private_mb, say_to_all, start_beside
-from swarmer.engines.ray_session import versions_here
 from swarmer.engines.reading import kernel_drops
+from swarmer.engines.sources import sources_sha256
 from swarmer.errors import BadInput
 from swarmer.messages import Kind
 from swarmer.telemetry import Clock, Life, Phase, SharedMemory, Slot
@@ -303,9 +303,8 @@ async def run(line: bytes) -> None:
     )
     channel = await shake_hands(reader, writer, orders.key, engine=False)
     channel.say({
-        "is": "hello", "name": orders.name, "version": swarmer.__version__, "python": platform.python_version(),
-        "sources": versions_here().sources, "cores": cores(), "memory_mb": available_mb(), "pid": os.getpid(),
-        "node": platform.node(),
+        "is": "hello", "name": orders.name, "version": swarmer.__version__, "sources": sources_sha256(),
+        "cores": cores(), "memory_mb": available_mb(), "pid": os.getpid(), "node": platform.node(),
     })  # fmt: skip
     agent = Agent(channel)
     loop = asyncio.get_running_loop()

@@ -15,8 +15,8 @@ import numpy as np
 import swarmer
 from swarmer.engines.cluster.channel import Channel, NotOurs, shake_hands
 from swarmer.engines.cluster.clocks import Exchange, Offset, estimate
-from swarmer.engines.ray_session import versions_here
 from swarmer.engines.result import HostRow
+from swarmer.engines.sources import sources_sha256
 from swarmer.errors import BadInput
 from swarmer.metrics.lateness import BUCKETS, percentiles
 
@@ -84,7 +84,7 @@ class Gathering:
 
     def __init__(self, cluster: Cluster, launcher: Launcher, names: list[str]) -> None:
         self._cluster, self._launcher, self._names = cluster, launcher, names
-        self._key = secrets.token_bytes(32)
+        self._key, self._sources = secrets.token_bytes(32), sources_sha256()
         self._launched: dict[str, Launched] = {}
         self._met: dict[str, tuple[Channel, dict[str, Any]]] = {}
 
@@ -162,7 +162,7 @@ class Gathering:
                 f"{self._launcher.setting}: {host.name} has swarmer {version}, this is {swarmer.__version__}; "
                 "the same everywhere"
             )
-        if host.hello.get("sources") != versions_here().sources:
+        if host.hello.get("sources") != self._sources:
             raise BadInput.saying(
                 f"{self._launcher.setting}: {host.name} has other sources of swarmer {version} than this machine; "
                 "install the same there"
