@@ -185,7 +185,11 @@ def cycles_figure(data: RunData) -> Figure | Absent:
         )
         for i, cycle in enumerate(drawn):
             shade = RAMP[round((len(RAMP) - 1) * i / max(len(drawn) - 1, 1))]
-            label = {0: "after the first thaw", len(drawn) - 1: "after the last"}.get(i)
+            label = (
+                "after a thaw"
+                if len(drawn) == 1
+                else {0: "after the first thaw", len(drawn) - 1: "after the last"}.get(i)
+            )
             axes.plot(
                 cycle.since_s, cycle.swarms, color=shade, linewidth=1.0, marker=".", markersize=2, label=label
             )
@@ -208,9 +212,8 @@ def cycles_figure(data: RunData) -> Figure | Absent:
     single = sum(int(cycle.swarms.min()) == 1 for cycle in cycles)
     alt = f"{len(cycles)} cycles; a sample shows one swarm in {single} of them"
     caption = (
-        f"Each line is one of {len(drawn)} cycles, from a thaw to the next. A thaw at one swarm ends it at once, so "
-        "samples often miss that moment."
-    )
+        "The line is a cycle" if len(drawn) == 1 else f"Each line is one of {len(drawn)} cycles"
+    ) + ", from a thaw to the next. A thaw at one swarm ends it at once, so samples often miss that moment."
     titles = [
         "cycle",
         f"begin_{data.clock.column}",
