@@ -67,7 +67,7 @@ def command(
     with ends_at_once():
         from swarmer.experiments.comparison import check_measures
         from swarmer.experiments.contest import split
-        from swarmer.experiments.runs import check_plans, expand, size
+        from swarmer.experiments.runs import asked_of, check_plans, expand, size
 
         directory = directory_named(out)
         asked = {
@@ -82,7 +82,7 @@ def command(
         runs = expand(experiment)
         check_between(experiment, runs, split(between))
         check_measures(split(measures))
-        tell_notes(check_plans(runs, experiment.file))
+        tell_notes(check_plans(runs, experiment.file, asked_of(experiment)))
         if dry_run:
             for run in runs:
                 click.echo(run.path.as_posix())

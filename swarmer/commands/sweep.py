@@ -57,7 +57,7 @@ def command(
     """
     with ends_at_once():
         from swarmer.experiments.experiment import find_experiment, read_experiment
-        from swarmer.experiments.runs import check_plans, expand, size
+        from swarmer.experiments.runs import asked_of, check_plans, expand, size
         from swarmer.experiments.sweep_directory import home_of
 
         directory = directory_named(out)
@@ -69,7 +69,7 @@ def command(
                 f"{experiment.file}: stands for {size(experiment):,} runs; more than {most:,} need --yes"
             )
         runs = expand(experiment)
-        tell_notes(check_plans(runs, experiment.file))
+        tell_notes(check_plans(runs, experiment.file, asked_of(experiment)))
         if dry_run:
             for run in runs:
                 click.echo(run.path.as_posix())

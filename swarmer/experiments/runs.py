@@ -45,7 +45,6 @@ class Run(NamedTuple):
     varied: dict[str, Any]  # what its block says of it: setting to value
     config: RunConfig  # all of it, with the seed
     said_needs: Mapping[str, float] = NOTHING_SAID  # of cores and memory
-    asked: frozenset[str] = frozenset()  # settings that the experiment says, not a preset
 
     @property
     def path(self) -> Path:
@@ -74,7 +73,7 @@ def expand(experiment: Experiment) -> list[Run]:
             config = _config(experiment, varied)
             for seed in block.seeds:
                 seeded = config.model_copy(update={SEED: seed})
-                run = Run(cell_name(varied), varied, seeded, block.needs, block.asked)
+                run = Run(cell_name(varied), varied, seeded, block.needs)
                 runs.setdefault(tuple(map(as_yaml, run.config.flat().values())), run)
     return list(runs.values())
 
@@ -118,8 +117,19 @@ def varied_names(experiment: Experiment) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def check_plans(runs: Iterable[Run], file: str) -> list[str]:
+def asked_of(experiment: Experiment) -> dict[str, frozenset[str]]:
+    """By cell the settings that the experiment itself says, and no preset."""
+    asked: dict[str, frozenset[str]] = {}
+    for block in experiment.blocks:
+        for varied in combinations(block):
+            asked.setdefault(cell_name(varied), block.asked)
+    return asked
+
+
+def check_plans(runs: Iterable[Run], file: str, asked: Mapping[str, frozenset[str]]) -> list[str]:
     """Plan each shape once as the runs will; the notes on their settings, each once, however many runs it is of.
+
+    asked: by cell the settings that somebody asked for, which alone are noted.
 
     Raises BadInput for a shape, an η or a technique that cannot be.
     """
@@ -140,8 +150,8 @@ def check_plans(runs: Iterable[Run], file: str) -> list[str]:
             plans[what] = plan.rules, plan.faults
         if run.cell not in looked_at:
             looked_at.add(run.cell)
-            asked = run.asked.intersection(run.config.unlike())
-            notes |= dict.fromkeys(notes_on(run.config, *plans[what], asked))
+            changed = asked[run.cell].intersection(run.config.unlike())
+            notes |= dict.fromkeys(notes_on(run.config, *plans[what], changed))
     return merged(notes)
 
 

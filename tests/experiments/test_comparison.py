@@ -22,7 +22,7 @@ from swarmer.experiments.contest import contest, default_engine
 from swarmer.experiments.experiment import FACTS
 from swarmer.experiments.one_run import perform
 from swarmer.experiments.results import flat
-from swarmer.experiments.runs import check_plans, expand
+from swarmer.experiments.runs import asked_of, check_plans, expand
 from swarmer.experiments.verdicts import markdown, method_lines, pairs_csv, statements, table_rows
 
 pytestmark = pytest.mark.timeout(300)  # whole commands, on a busy machine
@@ -278,7 +278,7 @@ def test_what_an_engine_cannot_do_is_refused_before_anything_runs():
     with pytest.raises(
         BadInput, match="engine=virtual: technique: 'triangulation' is not allowed; it needs 3"
     ):
-        check_plans(expand(experiment), experiment.file)
+        check_plans(expand(experiment), experiment.file, asked_of(experiment))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from swarmer.config import load_config
 from swarmer.errors import BadInput
 from swarmer.experiments import experiment as experiments
 from swarmer.experiments.experiment import experiment_names, read_experiment
-from swarmer.experiments.runs import by_seed, cell_name, check_plans, expand, size, varied_names
+from swarmer.experiments.runs import asked_of, by_seed, cell_name, check_plans, expand, size, varied_names
 from swarmer.settings_file import preset_names
 
 SMALL = "base: {engine: virtual, shape: sphere, points: 12, duration_s: 1}\n"
@@ -129,7 +129,7 @@ def test_the_experiments_that_ship_can_be_run():
         experiment = read_experiment(name)
         runs = expand(experiment)
         if name != "scale_million":  # a minute and a gigabyte to plan
-            assert check_plans(runs, experiment.file) == []
+            assert check_plans(runs, experiment.file, asked_of(experiment)) == []
         engines = {run.config.engine for run in runs}
         assert (
             engines == {"process", "virtual"}
