@@ -14,6 +14,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from swarmer.plan import Plan
+
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]  # lowest and highest corner, cells
 
 
@@ -74,3 +76,15 @@ def out_of_box(point: tuple[float, float, float], box: Box) -> float:
         off = least - x if x < least else x - most if x > most else 0.0
         far2 += off * off
     return far2**0.5
+
+
+def all_points(plan: Plan) -> NDArray[np.float64]:
+    """(F, 2, 3): of each FLS its points, in the first shape and in the last, cells; twice the same where it has one."""
+    points = np.full((plan.size, 2, 3), np.nan)
+    points[: len(plan.cloud), 0] = plan.cloud.points
+    if plan.next is not None:
+        points[plan.next.fids - 1, 1] = plan.next.cloud.points
+    for one, other in ((0, 1), (1, 0)):
+        there = np.isnan(points[:, one, 0])
+        points[there, one] = points[there, other]
+    return points
