@@ -86,8 +86,8 @@ def whole(path: Path) -> SavedTimeline:
 def chunked(directory: Path) -> tuple[SavedTimeline | None, str]:
     """All chunks up to the first that is not whole, and why it is not; no text if all are."""
     parts: list[SavedTimeline] = []
-    room, why = strange_npz.largest(), ""
     fixed: dict[str, Any] = {}
+    room, why = strange_npz.largest(), ""
     try:
         fixed = strange_npz.arrays(directory / "truth.npz", FIXED, SHAPES, room)
         for path in sorted(directory.glob("[0-9]*.npz")):
@@ -107,7 +107,7 @@ def chunked(directory: Path) -> tuple[SavedTimeline | None, str]:
     return saved, why
 
 
-def _from(arrays: dict[str, NDArray[Any]]) -> SavedTimeline:
+def _from(arrays: dict[str, Any]) -> SavedTimeline:
     """The timeline of these arrays. Raises ValueError if they do not fit each other, or cannot be."""
     names, values = arrays.pop("series_name", None), arrays.pop("series", None)
     saved = SavedTimeline(**arrays)
