@@ -63,6 +63,7 @@ class ProcessEngine:
         try:
             run = _Run(self.plan, observer, self._lock)
             what = "the run could not be started"
+            make_room_for_a_loop()
             return asyncio.run(run.play())
         except OSError as error:
             raise RunFailed(f"{what}: {error.strerror or error}") from error
