@@ -8,7 +8,7 @@ import numpy as np
 from drawn import MARK, Mark, cloud, hd_curve
 from small_runs import Drawn, made
 
-from swarmer.observe.saved_run import SavedTimeline
+from swarmer.observe.saved_timeline import SavedTimeline
 from swarmer.observe.words import cells
 
 FAILED = "#d8579f"

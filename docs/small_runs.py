@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 from swarmer.engines.result import Event
 from swarmer.observe.moves import Moves
-from swarmer.observe.saved_run import SavedTimeline, load
+from swarmer.observe.saved_run import load
+from swarmer.observe.saved_timeline import SavedTimeline
 from swarmer.observe.trace_file import TraceFile
 
 WAIT_S = 100

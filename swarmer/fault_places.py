@@ -101,7 +101,7 @@ def _is_position(value: Any) -> bool:
 
 def is_number(value: Any) -> bool:
     """A finite number; a bool is none."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < math.inf
 
 
 def is_axis(value: Any) -> bool:

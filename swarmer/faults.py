@@ -36,7 +36,8 @@ _TAKES = {
     "cut": ("way", "kinds"), "loss": ("burst", *_AIR), "delay": ("jitter", *_AIR), "duplicate": _AIR, "reorder": _AIR,
     PARTITION: ("parts", "axis"),
 }  # fmt: skip
-_SECONDS = (0.0, math.inf, "emulated seconds, 0 or more")
+SECONDS_MAX = 1e6  # beyond any run; and sums of such seconds are seconds, too
+_SECONDS = (0.0, SECONDS_MAX, "emulated seconds, 0 to 1000000")
 _NUMBERS = {  # key -> lowest, highest, what is allowed
     "late": _SECONDS, "delay": _SECONDS, "jitter": _SECONDS,
     "p": (0.0, 1.0, "a probability, 0 to 1"),
@@ -220,7 +221,7 @@ def from_data(data: Any, count: int, points: Points | None = None, seed: int = 0
         raise BadInput("faults", data, "a mapping with `faults`, a list, and maybe `calm`, seconds")
     calm, rows = data.get("calm"), data.get("faults") or []
     if calm is not None and not _seconds(calm):
-        raise BadInput("calm", calm, "emulated seconds, 0 or more")
+        raise BadInput("calm", calm, _SECONDS[2])
     if not isinstance(rows, list):
         raise BadInput("faults", rows, "a list of mappings with at, what, where, ...")
     ground = Ground(count, points, seed)
@@ -246,9 +247,9 @@ def _faults(name: str, row: Any, ground: Ground) -> Iterator[Fault]:
         if key not in row:
             raise BadInput.saying(f"{name}.{key}: is missing; {what} has {', '.join(taken)}")
     if not _seconds(row.get("at")):
-        raise BadInput(f"{name}.at", row.get("at"), "emulated seconds, 0 or more")
+        raise BadInput(f"{name}.at", row.get("at"), _SECONDS[2])
     if row.get("for") is not None and not _seconds(row["for"]):
-        raise BadInput(f"{name}.for", row["for"], "emulated seconds, 0 or more; left out: for good")
+        raise BadInput(f"{name}.for", row["for"], f"{_SECONDS[2]}; left out: for good")
     numbers = {key: _number(f"{name}.{key}", key, row) for key in _NUMBERS if key in taken}
     fault = Fault(
         float(row["at"]), what, (), None if row.get("for") is None else float(row["for"]),
@@ -314,7 +315,7 @@ def _meant(word: Any) -> str:
 
 
 def _seconds(value: Any) -> bool:
-    return is_number(value) and value >= 0.0
+    return is_number(value) and 0.0 <= value <= SECONDS_MAX
 
 
 # -- smaller ---------------------------------------------------------------------------------------------------------

@@ -1,7 +1,8 @@
 """Ctrl-C while nothing has been begun that needs an end in good order: the process is gone at once.
 
-Python turns Ctrl-C into an exception, and one that arrives within an import may get lost, or come out as a traceback of
-the library that was being imported. So while a command only imports, reads and computes, it says `ends_at_once`.
+So are `kill` and a terminal that is closed, while a run is planned. Python turns Ctrl-C into an exception, and one that
+arrives within an import may get lost, or come out as a traceback of the library that was being imported. So while a
+command only imports, reads and computes, it says `ends_at_once`.
 """
 
 from __future__ import annotations
@@ -11,36 +12,43 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 # Nothing else: until `at_once` is called a Ctrl-C is a traceback.
 
 INTERRUPTED = 130  # exit status
 
 
+# What ends a run in good order: Ctrl-C, `kill`, a terminal that is closed (elsewhere than on Unix there is no such).
+ENDINGS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
 def at_once() -> None:
-    """From here on Ctrl-C ends the process with its line and its status. Where it is ignored or caught, it stays so."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, _end)
+    """From here on an ending ends the process with its line and status. Where it is ignored or caught, it stays so."""
+    for number in ENDINGS:
+        if signal.getsignal(number) is _as_usual(number):
+            signal.signal(number, _end)
 
 
 def in_order() -> None:
-    """From here on Ctrl-C is a KeyboardInterrupt, as usual."""
-    if signal.getsignal(signal.SIGINT) is _end:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    """From here on Ctrl-C is a KeyboardInterrupt, as usual, and the others end the process without a word."""
+    for number in ENDINGS:
+        if signal.getsignal(number) is _end:
+            signal.signal(number, _as_usual(number))
+
+
+def _as_usual(number: int) -> Any:
+    return signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
 
 
 class ends_at_once:
-    """Ctrl-C ends the process at once within the block, which must leave nothing half-done. In the main thread."""
+    """An ending ends the process at once within the block, which must leave nothing half-done. In the main thread."""
 
     def __enter__(self) -> None:
         at_once()
 
     def __exit__(self, *_: object) -> None:
         in_order()
-
-
-# What ends a run in good order: Ctrl-C, `kill`, a terminal that is closed (elsewhere than on Unix there is no such).
-ENDINGS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 def heeded(number: int) -> bool:

@@ -20,6 +20,7 @@ from click.testing import CliRunner
 
 from swarmer.cli import load
 from swarmer.errors import BadInput, RunFailed
+from swarmer.observe import trace_file
 from swarmer.observe.scenario import COMMANDS, first_difference, parse
 from swarmer.observe.stage import play
 
@@ -269,8 +270,8 @@ def test_what_cannot_be_opened_is_told_in_the_words_of_the_system(run, monkeypat
 
 @pytest.mark.parametrize(
     "changes",
-    [{"points": -3}, {"points": 0}, {"points": "30"}, {"points": True}, {"seed": -1}, {"fids": [0]}, {"fids": [31]},
-     {"fids": "ab"}],
+    [{"points": -3}, {"points": 0}, {"points": 10**12}, {"points": "30"}, {"points": True},
+     {"seed": -1}, {"fids": [0]}, {"fids": [31]}, {"fids": "ab"}],
     ids=str,
 )  # fmt: skip
 def test_a_header_that_cannot_be_is_refused(run, changes):
@@ -278,6 +279,17 @@ def test_a_header_that_cannot_be_is_refused(run, changes):
     rewrite(run, [header | changes, *rest])
     with pytest.raises(BadInput, match=r"an event log that can be read; its trace.jsonl.gz is none"):
         explain(run)
+
+
+def test_a_log_of_nothing_is_not_read_to_its_end(run, monkeypatch):
+    monkeypatch.setattr(trace_file, "MOST_STRANGE", 50)
+    first, *rest = [json.dumps(record) + "\n" for record in records(run)]
+    rewrite(run, [first, *rest[:5], *["{}\n"] * 50, *rest[5:9]])
+    assert "50 lines" in run_command("explain", run, "--from", 0).stderr
+    rewrite(run, [first, *rest[:5], *["{}\n"] * 5000, "[]\n", *rest[5:]])
+    done = run_command("explain", run, "--from", 0, "--json")
+    assert "is damaged" in done.stderr
+    assert len(done.stdout.splitlines()) == 5
 
 
 def test_markup_in_a_path_is_text(made, tmp_path):

@@ -86,6 +86,15 @@ def test_json_is_yaml():
         ("faults: [{what: kill, where: [1]}]", "faults[0].at: is missing; kill has at, for, what, where"),
         ("faults: [{at: 1, what: kill}]", "faults[0].where: is missing"),
         ("faults: [{at: -1, what: kill, where: [1]}]", "faults[0].at: -1 is not allowed; emulated seconds"),
+        (
+            "faults: [{at: 1.0e+308, for: 1.0e+308, what: kill, where: [1]}]",
+            "faults[0].at: 1e+308 is not allowed",
+        ),
+        ("faults: [{at: 1, what: kill, where: [1], for: 2000000}]", "faults[0].for: 2000000 is not allowed"),
+        (
+            "faults: [{at: 1, what: slow, where: [1], late: 1.0e+300}]",
+            "faults[0].late: 1e+300 is not allowed",
+        ),
         ("faults: [{at: 1, what: kill, where: [1], for: -2}]", "faults[0].for: -2 is not allowed"),
         (
             "faults: [{at: 1, what: kill, where: []}]",
@@ -134,6 +143,11 @@ def test_a_wrong_schedule_is_refused_in_one_line(text, line):
         from_text(text, 9)
     assert str(caught.value).startswith(line)
     assert "\n" not in str(caught.value)
+
+
+def test_a_number_larger_than_any_is_refused_in_one_line():
+    with pytest.raises(BadInput, match=r"^faults\[0\]\.at: .* is not allowed; emulated seconds"):
+        from_data({"faults": [{"at": 10**400, "what": "kill", "where": [1]}]}, 9)
 
 
 def test_how_long_a_fault_lasts():

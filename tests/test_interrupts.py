@@ -13,8 +13,8 @@ from swarmer.interrupts import at_once, ends_at_once, in_order
 SLOW = "import time; print('go', flush=True); time.sleep(60)\n"
 
 
-def interrupted_when_it_says_go(arguments, **more):
-    """Status, stdout and stderr of a Python that gets a Ctrl-C as soon as it has written a line."""
+def interrupted_when_it_says_go(arguments, number=signal.SIGINT, **more):
+    """Status, stdout and stderr of a Python that gets a Ctrl-C as soon as it has written a line; or another signal."""
     with subprocess.Popen(
         [sys.executable, *arguments],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -22,7 +22,7 @@ def interrupted_when_it_says_go(arguments, **more):
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler), **more,
     ) as process:  # fmt: skip
         assert process.stdout.readline() == "go\n"
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         out, err = process.communicate(timeout=30)
     return process.returncode, out, err
 
@@ -46,6 +46,15 @@ def test_within_the_imports_of_a_library(command, tmp_path):
     found = interrupted_when_it_says_go(["-m", "swarmer", *command], env=environment, cwd=tmp_path)
     assert found == (130, "", "interrupted\n")
     assert [path.name for path in tmp_path.iterdir() if path.name != "__pycache__"] == ["numpy.py"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_kill_and_a_closed_terminal_are_the_same_to_a_run_that_is_planned(number, tmp_path):
+    (tmp_path / "numpy.py").write_text(SLOW)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    arguments = ["-m", "swarmer", "run", "--engine", "virtual"]
+    found = interrupted_when_it_says_go(arguments, number, env=environment, cwd=tmp_path)
+    assert found == (130, "", "interrupted\n")
 
 
 def test_where_python_would_lose_it():

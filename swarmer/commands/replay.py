@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
+from swarmer.commands.numbers import Finite
+
 if TYPE_CHECKING:
     from swarmer.observe.saved_run import SavedRun
 
@@ -25,7 +27,7 @@ CUT = "the run did not close its recording: it was killed, or still goes on; thi
 @click.option("--terminal", is_flag=True, help="Play in this terminal; piped, a few still pictures.")
 @click.option(
     "--speed",
-    type=click.FloatRange(0.01, 1000),
+    type=Finite(0.01, 1000),
     default=1.0,
     show_default=True,
     help="With --terminal: emulated seconds per second.",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from swarmer.commands.numbers import Finite
 from swarmer.commands.run import directory_named
 from swarmer.commands.sweep import ctrl_c
 from swarmer.errors import BadInput, RunFailed
@@ -28,13 +29,13 @@ OUT = Path("runs/simulate")
 
 @click.command("simulate")
 @click.argument("file", required=False)
-@click.option("--minutes", type=click.FloatRange(0.0, 1e5, min_open=True), metavar="N", help="Play fresh seeds for so many minutes.")  # fmt: skip
-@click.option("--seconds", type=click.FloatRange(0.0, 1e7, min_open=True), metavar="N", help=f"The same in seconds. [default: {SECONDS:g}]")  # fmt: skip
+@click.option("--minutes", type=Finite(0.0, 1e5, min_open=True), metavar="N", help="Play fresh seeds for so many minutes.")  # fmt: skip
+@click.option("--seconds", type=Finite(0.0, 1e7, min_open=True), metavar="N", help=f"The same in seconds. [default: {SECONDS:g}]")  # fmt: skip
 @click.option("--seeds", metavar="N|LIST", help="These in place of fresh ones: a count, or numbers with commas between.")  # fmt: skip
 @click.option(
     "--seed", type=click.IntRange(0, 2**31 - 1), metavar="N", help="Replay one seed and tell how it went."
 )
-@click.option("--until", "until_s", type=click.FloatRange(0.0, 1e6, min_open=True), metavar="S", help="Replay no further than this, emulated seconds.")  # fmt: skip
+@click.option("--until", "until_s", type=Finite(0.0, 1e6, min_open=True), metavar="S", help="Replay no further than this, emulated seconds.")  # fmt: skip
 @click.option("--technique", metavar="NAME", help="The technique of all worlds. [default: signal_strength]")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="A setting of all worlds; may be repeated.")  # fmt: skip
 @click.option("--jobs", type=click.IntRange(1, 1024), metavar="N", help="Worlds at a time. [default: one for each core]")  # fmt: skip

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import os
 import resource
+import select
+import socket
 import sys
 from pathlib import Path
 
@@ -65,6 +67,14 @@ def _check_kernel(path: str, name: str, count: int) -> None:
             raise BadInput(
                 "points", count, f"{name} is {allowed}; raise it with `sysctl {name}={count + 1000}`"
             )
+
+
+def check_loop() -> None:
+    """Raises OSError where an event loop finds no files: asyncio itself leaves half a loop then, and a traceback."""
+    with contextlib.ExitStack() as files:
+        files.enter_context(select.epoll())
+        for end in socket.socketpair():
+            files.enter_context(end)
 
 
 def available_mb() -> float | None:

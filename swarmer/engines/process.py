@@ -17,7 +17,7 @@ import sys
 import time
 from typing import TYPE_CHECKING, Self
 
-from swarmer.engines.limits import check_limits, children_of, private_mb
+from swarmer.engines.limits import check_limits, check_loop, children_of, private_mb
 from swarmer.engines.reading import kernel_drops
 from swarmer.engines.real_time import RealTimeRun
 from swarmer.engines.result import Observer, RunResult
@@ -63,6 +63,7 @@ class ProcessEngine:
         try:
             run = _Run(self.plan, observer, self._lock)
             what = "the run could not be started"
+            check_loop()
             return asyncio.run(run.play())
         except OSError as error:
             raise RunFailed(f"{what}: {error.strerror or error}") from error

@@ -95,9 +95,13 @@ def _cell(value: Any) -> str:
 
 def read_results(path: Path) -> tuple[list[str], list[dict[str, str]]]:
     """The settings that vary, and the rows, of a table that `Results` wrote. Raises OSError, ValueError."""
-    with path.open(newline="", encoding="utf-8") as file:
-        table = csv.DictReader(file)
-        columns = list(table.fieldnames or ())
-        if "seed" not in columns or RUN not in columns:
-            raise ValueError(f"{path}: is not a table of runs: no column seed or {RUN}")
-        return columns[: columns.index("seed")], list(table)
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            table = csv.DictReader(file)
+            columns = list(table.fieldnames or ())
+            if "seed" not in columns or RUN not in columns:
+                raise ValueError(f"{path}: is not a table of runs: no column seed or {RUN}")
+            return columns[: columns.index("seed")], list(table)
+    except (csv.Error, MemoryError) as error:
+        why = str(error) or "it does not fit into memory"
+        raise ValueError(f"{path}: is not a table of runs: {why}") from None

@@ -20,6 +20,7 @@ from swarmer.experiments.experiment import EXPERIMENT, FACTS, Block, Experiment
 from swarmer.experiments.results import RESULTS
 from swarmer.experiments.runs import Run
 from swarmer.experiments.samples import KINDS
+from swarmer.fault_settings import with_schedule
 from swarmer.observe.files import TEMPORARY, write_text
 from swarmer.observe.run_directory import DISK_FULL, MANIFEST, ROOT, SUMMARY, hold, let_go
 from swarmer.settings import as_yaml
@@ -100,7 +101,7 @@ class SweepDirectory:
     def _changes(self, run: Run, hashes: dict[tuple[Any, ...], str]) -> list[str]:
         """hashes: of the clouds that were read already; gets those that are read now."""
         manifest = _read(self.path / run.path / MANIFEST)
-        then, now = manifest.get("settings"), run.config.unusual()
+        then, now = manifest.get("settings"), with_schedule(run.config).unusual()  # as a run writes them down
         then = then if isinstance(then, dict) else {}
         if "shape" in now and then.get("shape") == _whole_path(now["shape"]):
             now = now | {"shape": then["shape"]}

@@ -37,7 +37,8 @@ from swarmer.observe.report_page import (
 )
 from swarmer.observe.rises import LEAST_FACTOR, Rise, rises
 from swarmer.observe.run_directory import CAUSE, REPORT, TRACE
-from swarmer.observe.saved_run import SavedRun, SavedTimeline, existing
+from swarmer.observe.saved_run import SavedRun, existing
+from swarmer.observe.saved_timeline import SavedTimeline
 from swarmer.observe.story import scenes
 from swarmer.observe.trace_file import Record, TraceFile
 from swarmer.observe.words import cells

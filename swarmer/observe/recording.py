@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from swarmer.errors import RunFailed
 from swarmer.observe.blueprint import log_curves, make_blueprint
 from swarmer.observe.narrator import Narrator
 from swarmer.observe.pump import Pump
@@ -48,7 +49,10 @@ class Recording:
     """Takes every sample and every event of a run, for a file, a live viewer, or both."""
 
     def __init__(self, plan: Plan, stream: Stream | None, viewer: LiveViewer | None = None) -> None:
-        """stream: of recording.rrd, closed by whoever made it. viewer: shown the same, and closed here."""
+        """stream: of recording.rrd, closed by whoever made it. viewer: shown the same, and closed here.
+
+        Raises RunFailed where no more files can be had.
+        """
         import rerun as rr
 
         config, standings = plan.config, plan.standings()
@@ -65,7 +69,14 @@ class Recording:
         self._rec: Any = rr.RecordingStream(
             "swarmer", recording_id=f"{plan.cloud.name}-{secrets.token_hex(4)}"
         )
-        self._rec.set_sinks(rr.FileSink(self._pump.path))
+        try:
+            self._rec.set_sinks(rr.FileSink(self._pump.path))
+        except RuntimeError as error:  # rerun's word for what is an OSError elsewhere
+            if stream is not None:
+                stream.abandon()
+            raise RunFailed(
+                f"the recording could not be begun: {str(error).partition(', path')[0]}"
+            ) from error
         self._pump.opened()
         self._rec.send_recording_name(f"{plan.cloud.name}, {config.engine}, seed {config.seed}")
         if self._following:  # a launch takes a while; the viewer would make up a layout

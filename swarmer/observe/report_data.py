@@ -18,7 +18,8 @@ from swarmer.observe.progress import LIT_MIN
 from swarmer.observe.report_drawing import Clock, clock_of
 from swarmer.observe.report_marks import Mark, marks_of
 from swarmer.observe.report_rounds import read_rounds
-from swarmer.observe.saved_run import SavedRun, SavedTimeline
+from swarmer.observe.saved_run import SavedRun
+from swarmer.observe.saved_timeline import SavedTimeline
 
 READINGS_MAX = (
     1_000_000  # positions for which HD without translation is read: all samples of 1,700 FLSs in a minute

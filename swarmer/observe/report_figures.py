@@ -26,7 +26,7 @@ from swarmer.observe.report_drawing import (
 )
 from swarmer.observe.report_marks import draw_marks, over_run, said_of
 from swarmer.observe.report_words import moment, reached_of
-from swarmer.observe.saved_run import SavedTimeline
+from swarmer.observe.saved_timeline import SavedTimeline
 from swarmer.observe.words import cells, swarms
 from swarmer.shapes.views import seen_from, usual_view
 

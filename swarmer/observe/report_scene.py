@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from swarmer.observe.palette import CALM, DARK, PALE, swarm_colours
 from swarmer.observe.report_drawing import clock_of
 from swarmer.observe.report_page import Part, data_block, esc
-from swarmer.observe.saved_run import SavedRun, SavedTimeline
+from swarmer.observe.saved_run import SavedRun
+from swarmer.observe.saved_timeline import SavedTimeline
 from swarmer.shapes.views import usual_view
 
 BYTES_MAX = 1_900_000  # deflated; base64 makes it 2.5 MB

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from swarmer.metrics.hausdorff import HausdorffMeter
 from swarmer.next_shape import standing_at
-from swarmer.observe.saved_run import SavedTimeline
+from swarmer.observe.saved_timeline import SavedTimeline
 
 LEAST_FACTOR = 1.05  # HD grew by more than a twentieth
 SMALLEST_CELLS = 1e-4  # an HD below counts as this one: nothing to see, and no factor is infinite

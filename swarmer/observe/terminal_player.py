@@ -9,7 +9,7 @@ from typing import TextIO
 import numpy as np
 
 from swarmer.observe.report_drawing import SECONDS, Clock
-from swarmer.observe.saved_run import SavedTimeline
+from swarmer.observe.saved_timeline import SavedTimeline
 from swarmer.observe.terminal_screen import CLOSED, Screen
 from swarmer.observe.terminal_view import Means, Moment, Stage
 

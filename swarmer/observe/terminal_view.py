@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from swarmer.errors import shown
 from swarmer.observe.palette import Palette
 from swarmer.observe.report_drawing import SECONDS, Clock
-from swarmer.observe.saved_run import SavedTimeline
+from swarmer.observe.saved_timeline import SavedTimeline
 from swarmer.observe.words import DOTS, braille_curve, cells, swarms
 from swarmer.shapes.cloud import UP_AXIS
 from swarmer.shapes.views import View, seen_from, shade, usual_view

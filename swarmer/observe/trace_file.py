@@ -19,6 +19,8 @@ from swarmer.observe.trace import FORMAT
 CHUNK = 1 << 16  # bytes read, and
 UNPACKED = 1 << 20  # bytes unpacked at a time
 LONGEST = 1 << 20  # bytes of a line; a record has some hundred
+MOST_FLSS = 1_000_000  # of a run; a log of more is none
+MOST_STRANGE = 10_000  # lines that are no records; who reads on looks for what will not come
 HEAD = 48  # bytes within which a record has said when and who
 
 Record = dict[str, Any]
@@ -63,8 +65,8 @@ class TraceFile:
                 )
             fids = first["fids"]
             header = Header(
-                str(first["shape"]), _whole(first["points"], 1), _whole(first["seed"], 0), str(first["swarmer"]),
-                None if fids is None else frozenset(_whole(fid, 1) for fid in fids),
+                str(first["shape"]), _whole(first["points"], 1, MOST_FLSS), _whole(first["seed"], 0),
+                str(first["swarmer"]), None if fids is None else frozenset(_whole(fid, 1) for fid in fids),
             )  # fmt: skip
             if header.fids and max(header.fids) > header.points:
                 raise ValueError("a log of an FLS that the run does not have")
@@ -139,6 +141,9 @@ class TraceFile:
                     return
                 continue  # to read each would take several times as long
             record = self._record(line)
+            if self.strange > MOST_STRANGE:
+                self.damaged = True
+                return
             if record is None or not wanted:
                 continue
             if record["t"] > to_s:
@@ -167,9 +172,9 @@ def _seconds(digits: bytes) -> float:
         return 0.0
 
 
-def _whole(value: object, least: int) -> int:
-    if type(value) is not int or value < least:
-        raise ValueError(f"no whole number from {least} on")
+def _whole(value: object, least: int, most: float = math.inf) -> int:
+    if type(value) is not int or not least <= value <= most:
+        raise ValueError(f"no whole number from {least} to {most}")
     return value
 
 

@@ -1,5 +1,6 @@
 """Limits of the system: raised where that is allowed, else named with the command that raises them."""
 
+import os
 import resource
 
 import pytest
@@ -47,3 +48,17 @@ def test_a_low_hard_limit_is_named_to_who_may_not(monkeypatch):
     with pytest.raises(BadInput, match=r"hard limit on processes is 60, 108 are needed; .*ulimit -u 108"):
         limits.check_limits(100)
     assert system.now == (50, 60)
+
+
+def test_where_there_are_no_files_no_event_loop_is_begun():
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    limits.check_loop()
+    lowest = os.open(os.devnull, os.O_RDONLY)
+    os.close(lowest)
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (lowest + 2, before[1]))  # of the three that it needs
+        with pytest.raises(OSError, match="Too many open files"):
+            limits.check_loop()
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+    limits.check_loop()

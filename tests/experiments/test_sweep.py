@@ -216,6 +216,26 @@ def test_more_seeds_and_values_are_only_made_besides(write, tmp_path):
     assert len(rows(tmp_path / "o")) == 9
 
 
+@pytest.mark.parametrize(
+    "faults",
+    ["{faults.random: [0, 3]}", "{faults.file: [null, storm.yaml]}",
+     "{faults.schedule: [[], [{at: 0.5, what: kill, where: {share: 0.2}}]]}"],
+    ids=["drawn", "of a file", "listed"],
+)  # fmt: skip
+def test_a_sweep_over_faults_is_taken_up_again(faults, write, tmp_path, monkeypatch):
+    """A run writes down which faults its settings came to mean."""
+    monkeypatch.chdir(tmp_path)
+    storm = tmp_path / "storm.yaml"
+    storm.write_text("faults: [{at: 0.5, for: 1, what: loss, p: 0.5, where: all}]\n")
+    file = write(TINY.replace("{radio.loss: [0, 0.1]}", faults))
+    assert in_process(file, tmp_path / "o").made == 4
+    assert in_process(file, tmp_path / "o").made == 0
+    if "file" in faults:
+        storm.write_text("faults: [{at: 0.5, for: 1, what: loss, p: 0.6, where: all}]\n")
+        with pytest.raises(BadInput, match=r"faults.schedule was .*p: 0.5.*, is .*p: 0.6"):
+            in_process(file, tmp_path / "o")
+
+
 def test_what_is_not_in_the_file_any_more_stays_and_is_told(write, tmp_path):
     in_process(write(TINY), tmp_path / "o")
     _, err = swept(write(TINY.replace("seeds: 2", "seeds: [2]")), "--out", "o", cwd=tmp_path)
@@ -291,7 +311,9 @@ def test_a_file_of_someone_else_that_is_called_like_ours_is_not_overwritten(name
 
 
 @pytest.mark.parametrize(
-    "text", ["a,b\n1,2\n", "", "\0\1", "PK\x03\x04"], ids=["columns", "empty", "bytes", "zip"]
+    "text",
+    ["a,b\n1,2\n", "", "\0\1", "PK\x03\x04", "seed,run\n" + "x" * 200_000],
+    ids=["columns", "empty", "bytes", "zip", "an endless cell"],
 )
 def test_a_table_of_another_format_is_refused_and_stays(text, write, tmp_path):
     in_process(write(TINY), tmp_path / "o")

@@ -18,8 +18,9 @@ from swarmer.observe.kept_scenes import KeptScenes, Moment
 from swarmer.observe.moves import UNHEARD, Moves
 from swarmer.observe.report import write_report
 from swarmer.observe.rises import rises
-from swarmer.observe.saved_run import SavedRun, SavedTimeline
+from swarmer.observe.saved_run import SavedRun
 from swarmer.observe.saved_run import load as load_run
+from swarmer.observe.saved_timeline import SavedTimeline
 from swarmer.observe.story import scenes
 from swarmer.observe.trace_file import TraceFile
 

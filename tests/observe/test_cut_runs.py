@@ -1,5 +1,6 @@
 """A run directory cut at any byte, killed, or with strange content: what is whole is shown, the rest is named."""
 
+import os
 import random
 import shutil
 
@@ -8,6 +9,7 @@ from click.testing import CliRunner
 
 from swarmer.commands.replay import command as replay
 from swarmer.errors import SwarmerError
+from swarmer.observe import saved_run
 from swarmer.observe.report import make_report
 from swarmer.observe.saved_run import load
 
@@ -72,7 +74,9 @@ def turned_over(finished_run, tmp_path, seed, times):
 
 STRANGE = [
     "", "[]", "null", "NaN", "{", "\x00\xff", "[" * 3000, "a: &x [*x]", '{"time_to_hd_s": 3}',
-    '{"points": "many", "emulated_s": "long", "shape": null, "hd_cells": []}',
+    '{"points": "many", "emulated_s": "long", "shape": null, "hd_cells": []}', '{"points": 1%s}' % ("0" * 400),
+    '{"lit_share": "all", "launch_s": [1], "memory_mb_per_fls": {"a": 2}}', r'{"shape": "\ud800", "seed": 1}',
+    '{"relay_late_ms": {"p99": []}, "processes": "x"}', "shape: !!python/object/apply:os.system [echo]",
 ]  # fmt: skip
 
 
@@ -105,3 +109,33 @@ def test_killed_run_is_reported_from_its_streams(tmp_path, fake):
     page = make_report([run])
     assert "unfinished" in page
     assert run.summary["time_to_hd_s"]["0.1"] is not None
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "manifest.json", "summary.json"])
+def test_what_is_too_large_is_not_read(finished_run, tmp_path, name, quick):
+    run = cut(finished_run, tmp_path, name, 1.0)
+    with (run / name).open("r+b") as file:
+        file.truncate(1 << 30)  # with a hole: it takes no disk
+    saved = load(run)
+    assert any(line.startswith(f"{name}: cannot be read (larger than") for line in saved.missing)
+    assert "Not everything is there" in make_report([saved])
+
+
+def test_of_endless_events_the_first_are_read(finished_run, tmp_path, monkeypatch):
+    run = cut(finished_run, tmp_path, "events.csv", 0.0)
+    (run / "events.csv").write_text("t_s,kind,fid,text\n" + "1.0,failed,3,x\n" * 100)
+    monkeypatch.setattr(saved_run, "LARGEST_EVENTS", 18 + 10 * 15 + 7)
+    saved = load(run)
+    assert len(saved.events) == 10
+    assert "events.csv: only its first 0 MB are read" in saved.missing
+
+
+@pytest.mark.parametrize("what", ["pipe", "endless"])
+def test_what_is_no_file_is_not_waited_for(finished_run, tmp_path, what):
+    run = cut(finished_run, tmp_path, "summary.json", 1.0)
+    for name in NAMES:
+        (run / name).unlink()
+        os.mkfifo(run / name) if what == "pipe" else (run / name).symlink_to("/dev/zero")
+    assert len(load(run).missing) >= len(NAMES)
+    with pytest.raises(SwarmerError, match="no timeline"):
+        CliRunner().invoke(replay, [str(run), "--terminal"], standalone_mode=False, catch_exceptions=False)

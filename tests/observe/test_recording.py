@@ -12,6 +12,7 @@ import pytest
 from rrd_rows import blueprint, chunks, entities, rows, timelines
 
 from swarmer.engines.result import Event, Lateness, Live, Localized, Snapshot
+from swarmer.errors import RunFailed
 from swarmer.next_shape import Standing
 from swarmer.observe import recording as recording_module
 from swarmer.observe.blueprint import ASPECT, HALF_VIEW, eye_for
@@ -63,6 +64,22 @@ class World:
 @pytest.fixture
 def world(tmp_path, fake):
     return lambda count=6, **settings: World(tmp_path / "recording.rrd", fake, count, **settings)
+
+
+def test_without_a_file_to_be_had_the_run_has_failed_and_nothing_looks_whole(tmp_path, fake, monkeypatch):
+    import rerun as rr
+
+    def refused(path):
+        raise RuntimeError(f"Failed to create file: Too many open files (os error 24), path: {path}")
+
+    monkeypatch.setattr(rr, "FileSink", refused)
+    stream = Stream(tmp_path / "recording.rrd")
+    with pytest.raises(
+        RunFailed, match=r"^the recording could not be begun: .*Too many open files \(os error 24\)$"
+    ):
+        Recording(fake.plan(), stream)
+    stream.close()
+    assert not (tmp_path / "recording.rrd").exists()
 
 
 def test_every_frame_is_there_as_it_was(world):

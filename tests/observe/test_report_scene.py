@@ -10,7 +10,8 @@ import pytest
 from swarmer.observe import timeline as timeline_frame
 from swarmer.observe.report_data import RunData
 from swarmer.observe.report_scene import BYTES_MAX, FRAMES_MIN, pack, scene_part
-from swarmer.observe.saved_run import SavedRun, SavedTimeline, load
+from swarmer.observe.saved_run import SavedRun, load
+from swarmer.observe.saved_timeline import SavedTimeline
 
 
 def unpack(packed, points):

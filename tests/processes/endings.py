@@ -134,6 +134,7 @@ def play(case: Case, room: Path) -> str | None:
             err = process.communicate()[1] or ""
             return f"still runs {PATIENCE_S:g} s after that: {err[-300:]}"
     wrong = _left_over(mark, segments, out) or _status(case, process.returncode, err, out) or _files(out)
+    wrong = wrong or ("a traceback" if "Traceback" in err else None)
     return None if wrong is None else f"{wrong} [exit {process.returncode}; stderr: {err.strip()[-600:]}]"
 
 

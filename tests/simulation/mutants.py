@@ -17,6 +17,7 @@ from swarmer.engines.virtual_fls import VirtualFls
 from swarmer.experiments.worlds import World, play
 from swarmer.faults import Fault, Schedule
 from swarmer.messages import (
+    ANCHORING,
     CHALLENGE_ACCEPT,
     CHALLENGE_ACK,
     CHALLENGE_FIN,
@@ -374,6 +375,23 @@ def _(patch):
 @mutant("Waiting unbounded", "S7", **{"radio.loss": 0.3})
 def _(patch):
     swap(patch, following.bound_over, nothing)
+
+
+@mutant("first SET_AVAILABLE frees", "S7")
+def _(patch):
+    right = following.resume
+
+    def resume(me, message):
+        me.holders.clear()
+        right(me, message)
+
+    swap(patch, right, resume)
+
+
+@mutant("waits for a localizer as for an anchor", "S7")
+def _(patch):
+    right = following.wait
+    swap(patch, right, lambda me, message: right(me, message._replace(flags=message.flags | ANCHORING)))
 
 
 @mutant("SET_AVAILABLE skipped", "S7")

@@ -91,6 +91,11 @@ def test_bad_input_is_one_line(words, line):
     assert line in str(done.exception)
 
 
+@pytest.mark.parametrize("option", ["--minutes", "--seconds", "--until"])
+def test_nan_is_no_time(option):
+    assert "nan is no number" in str(run("--seed", "1", option, "nan").exception)
+
+
 @pytest.mark.parametrize(
     "text",
     ["seed: 1\n", "seed: x\nsettings: {points: 3}\n", "seed: 1\nsettings: {points: 1}\n", "more: 1\n",

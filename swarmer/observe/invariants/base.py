@@ -31,6 +31,7 @@ ACTIVE = EVERY - QUIET
 RECENT = 20  # events of an FLS that a report can tell
 
 NO_LEASES: dict[int, float] = {}
+NO_HOLDERS: dict[int, bool] = {}
 
 
 class Past(NamedTuple):
@@ -49,9 +50,10 @@ class Life:
 
     __slots__ = (
         "acks", "alive", "anchor", "challenge_at", "complete_ticks", "epoch", "fid", "first_challenge", "flight_s",
-        "flights", "fls", "flying", "grants", "incarnation", "joined", "joins", "leases", "localizes_since",
-        "machine", "newest", "number", "onward", "origin", "pending", "place", "reach", "recent", "reporters", "state",
-        "swarm", "taken", "thawed_s", "thaws_at", "thaws_heard", "thaws_run", "truth", "waits_since",
+        "flights", "fls", "flying", "grants", "holders", "incarnation", "joined", "joins", "leases",
+        "localizes_since", "machine", "newest", "number", "onward", "origin", "pending", "place", "reach", "recent",
+        "reporters", "state", "swarm", "taken", "thawed_s", "thaws_at", "thaws_heard", "thaws_run", "truth",
+        "waits_since",
     )  # fmt: skip
 
     def __init__(self, fls: Seen, now_s: float) -> None:
@@ -64,6 +66,7 @@ class Life:
         self.truth, self.onward = m.truth, m.onward
         self.leases: dict[int, float] = NO_LEASES
         self.pending: tuple[Message, ...] = ()
+        self.holders: dict[int, bool] = NO_HOLDERS
         # What only a longer memory knows.
         self.grants: dict[int, set[int]] = {}  # whom it owes a lease -> the challenges they paired in
         self.joined: set[int] = set()  # of these, who joined M aside
@@ -102,6 +105,7 @@ class Life:
         self.joins = self.incarnation > 0 and m.joins
         self.leases = m.leases.ends() if anchors else NO_LEASES
         self.pending = tuple(m.pending) if m.pending else ()
+        self.holders = dict(m.holders) if m.holders else NO_HOLDERS
 
 
 class Step:

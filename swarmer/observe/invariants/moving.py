@@ -20,7 +20,7 @@ from swarmer.messages import (
     Message,
     Vec3,
 )
-from swarmer.observe.invariants.base import ACTIVE, BA, BL, TINY, Facts, Invariant, Life, Step, W
+from swarmer.observe.invariants.base import ACTIVE, BA, BL, TINY, A, Facts, Invariant, Life, Step, W
 from swarmer.physics.flight import Flight
 from swarmer.plan import make_sensor
 from swarmer.protocol.events import Arm, Fly, Local, Timer
@@ -193,7 +193,8 @@ class StandingStill(Invariant):
     name, title = "S7", "un-anchor"
     guards = (
         "Busy Anchor means a live lease; a lease lasts δ from its grant or its own localizer's renewal, FIN or CANCEL "
-        "ends it, and in the event that ends the last one the swarm is told; nobody waits longer than the bound."
+        "ends it, and in the event that ends the last one the swarm is told; who waits is held by those who said so, "
+        "and no longer than the bound."
     )
     on = ACTIVE
 
@@ -215,8 +216,24 @@ class StandingStill(Invariant):
             told = any(sent.kind == SET_WAITING and sent.flags & ANCHORING for sent in step.sent)
             if state is BA and was.state is not BA and not step.thaws and not told:
                 return "anchors, and does not tell its swarm"
-        if state is W:
-            return self._waits(step)
+        wrong = self._held(step)
+        return wrong or (self._waits(step) if state is W else None)
+
+    def _held(self, step: Step) -> str | None:
+        """Those who keep it waiting are those who said so, each as what it said, and no more than these."""
+        m, was, message = step.m, step.was, step.message
+        if message is None or message.kind not in (SET_WAITING, SET_AVAILABLE) or step.thaws:
+            return None
+        if was.state not in (A, W) or was.flying or message.addressee != was.swarm:
+            return None  # (in flight it waits for the landing)
+        self.looked += 1
+        held = {fid: anchors for fid, anchors in was.holders.items() if fid != message.sender}
+        if message.kind == SET_WAITING:
+            held[message.sender] = bool(message.flags & ANCHORING)
+        elif was.state is A:
+            return None
+        if m.state is not (W if held else A) or (held and m.holders != held):
+            return f"is {m.state.name}, held by {m.holders}, and should be by {held}"
         return None
 
     def _leases(self, step: Step) -> str | None:
