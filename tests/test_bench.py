@@ -118,7 +118,7 @@ def test_a_sweep_is_measured_beside_its_runs_by_hand(monkeypatch, capsys):
     from bench import sweep
 
     said = {"base": {"engine": "virtual", "shape": "sphere", "points": 12, "duration_s": 1}, "seeds": 2}
-    for name, value in (("RUNS", 2), ("JOBS", 1), ("BY_HAND", 1), ("SAID", said)):
+    for name, value in (("RUNS", 2), ("JOBS", 1), ("SAID", said)):
         monkeypatch.setattr(sweep, name, value)
     sweep.run(1)
     by_hand, in_sweep, more, busy = re.findall(r"[-+]?[\d.]+", capsys.readouterr().out.splitlines()[-1])

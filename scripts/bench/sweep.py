@@ -1,8 +1,9 @@
 """What a sweep adds to its runs: `bench.py sweep`.
 
-64 runs of the dragon in virtual time, once by hand, one after the other in one process that has imported everything,
-and once by `swarmer sweep` on two workers. Processor time is compared, for a machine that does other things lengthens
-the wall's; how busy the workers are is the share of the sweep's time in which each had a run.
+64 runs of the dragon in virtual time, once by hand, one after the other in processes that have imported everything, and
+once by `swarmer sweep` on two workers. By hand, too, two processes have half of the runs each: cores slow each other,
+whoever keeps them busy, and one seed costs more than another. Processor time is compared, for a machine that does other
+things lengthens the wall's; how busy the workers are is the share of the sweep's time in which each had a run.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import resource
 import sys
 import tempfile
 import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +25,6 @@ from swarmer.experiments.runs import Run, expand
 from swarmer.experiments.sweep import ThisMachine, sweep
 
 RUNS, JOBS, DURATION_S = 64, 2, 10
-BY_HAND = 6  # of them; the mean stands for all
 SAID = {"base": {"engine": "virtual", "shape": "dragon", "duration_s": DURATION_S}, "seeds": RUNS}
 
 
@@ -56,7 +58,8 @@ def run(repeat: int) -> None:
     experiment = experiment_of(SAID, "bench", "bench")
     rows = []
     for _ in range(repeat):
-        each, (total, busy) = by_hand(expand(experiment)[:BY_HAND]), swept(experiment)
+        runs = expand(experiment)
+        each, (total, busy) = by_hands(runs), swept(experiment)
         rows.append(
             [f"{each:.2f} s", f"{total / RUNS:.2f} s", f"{total / RUNS / each - 1:+.1%}", f"{busy:.1%}"]
         )
@@ -74,6 +77,12 @@ def by_hand(runs: list[Run]) -> float:
         for at, one in enumerate(runs):
             perform(one.config, Path(room) / str(at))
         return (time.process_time() - began) / len(runs)
+
+
+def by_hands(runs: list[Run]) -> float:
+    """The same, in as many processes at once as the sweep has workers."""
+    with ProcessPoolExecutor(JOBS, get_context("spawn")) as pool:
+        return sum(pool.map(by_hand, [runs[job::JOBS] for job in range(JOBS)])) / JOBS
 
 
 def swept(experiment: Experiment) -> tuple[float, float]:
