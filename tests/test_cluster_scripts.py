@@ -271,14 +271,20 @@ def test_over_ssh_what_cannot_be_ends_with_2(arguments, bench, tmp_path):
     assert "Ray on a list of hosts" in done.stderr or "names no host" in done.stderr
 
 
-@pytest.mark.parametrize("status", [0, 1])
-def test_on_slurm_every_node_joins_and_the_sweep_is_the_job(status, bench, tmp_path):
-    bench("scontrol", "echo n1; echo n2; echo n3")
+def slurm(bench, tmp_path, *nodes):
+    """Stand-ins for Slurm on these nodes, and for the Ray of the environment whose programs' folder it gives."""
+    bench("scontrol", "; ".join(f"echo {node}" for node in nodes))
     bench(
         "srun", 'while [ "${1#-}" != "$1" ]; do case $1 in -w) shift 2 ;; *) shift ;; esac; done; exec "$@"'
     )
     venv = tmp_path / "venv" / "bin"
     bench("ray", "exec sleep 60", where=venv)
+    return venv
+
+
+@pytest.mark.parametrize("status", [0, 1])
+def test_on_slurm_every_node_joins_and_the_sweep_is_the_job(status, bench, tmp_path):
+    venv = slurm(bench, tmp_path, "n1", "n2", "n3")
     bench("python", where=venv)  # the head answers
     joined = f"for i in $(seq 100); do [ $(grep -c '^ray ' {tmp_path}/calls) = 3 ] && break; sleep 0.1; done"
     bench("swarmer", f"{joined}; exit {status}", where=venv)
@@ -305,12 +311,7 @@ def test_on_slurm_every_node_joins_and_the_sweep_is_the_job(status, bench, tmp_p
 @pytest.mark.parametrize("begun", [True, False])
 def test_on_slurm_a_signal_ends_the_sweep_in_good_order(begun, bench, tmp_path):
     """Slurm sends it a minute before the limit: the job waits until the sweep has written its table."""
-    bench("scontrol", "echo n1")
-    bench(
-        "srun", 'while [ "${1#-}" != "$1" ]; do case $1 in -w) shift 2 ;; *) shift ;; esac; done; exec "$@"'
-    )
-    venv = tmp_path / "venv" / "bin"
-    bench("ray", "exec sleep 60", where=venv)
+    venv = slurm(bench, tmp_path, "n1")
     bench("python", "" if begun else "kill -TERM $PPID; sleep 0.2; exit 1", where=venv)
     bench(
         "swarmer",

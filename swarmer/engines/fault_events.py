@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from swarmer.engines.result import Event
+from swarmer.engines.result import BEGINS, CALM, OVER, Event
 from swarmer.faults import Turn, words
 
 
@@ -10,6 +10,6 @@ def event_of(turn: Turn) -> Event:
     """A fault begins or is over, or the calm begins."""
     fault = turn.fault
     if fault is None:
-        return Event(turn.at_s, "fault", 0, "all faults are over")
+        return Event(turn.at_s, "fault", 0, CALM)
     fid = fault.where[0] if len(fault.where) == 1 else 0
-    return Event(turn.at_s, "fault", fid, f"{'begins' if turn.begins else 'over'}: {words(fault)}")
+    return Event(turn.at_s, "fault", fid, f"{BEGINS if turn.begins else OVER}{words(fault)}")

@@ -128,6 +128,11 @@ class Live(NamedTuple):
     faithful: bool | None
 
 
+# What a report finds in the texts of events.
+BEGINS, OVER, CALM = "begins: ", "over: ", "all faults are over"  # the first two before the words of a fault
+GONE = " is gone"  # behind the name of a host
+
+
 class Event(NamedTuple):
     """Something worth a line in events.csv: a failure, a replacement, a thaw, one swarm, ..."""
 

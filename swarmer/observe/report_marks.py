@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, NamedTuple
 
+from swarmer.engines.result import BEGINS, CALM, GONE, OVER
 from swarmer.observe.report_drawing import SOFT, Clock, over_time
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ LETTER, ROWS = 0.016, (0.985, 0.92)  # of the axis: a letter of a name; where na
 ASIDE = 0.007  # of the axis: a name from its line
 HEADROOM = 0.14  # of the axis, for names
 SUDDEN = ("kill", "host")
-BEGINS, OVER, CALM, GONE = "begins: ", "over: ", "all faults are over", " is gone"
 
 
 class Mark(NamedTuple):

@@ -19,7 +19,7 @@ from swarmer.engines.cluster.copies import Copy
 from swarmer.engines.cluster.hosts import Host, exchanged
 from swarmer.engines.cluster.shares import all_points, box_of, taken_over
 from swarmer.engines.real_time import COMPLAINT_S, WEIGHED_LAST, RealTimeRun
-from swarmer.engines.result import Event, Lateness, Observer, RunResult
+from swarmer.engines.result import GONE, Event, Lateness, Observer, RunResult
 from swarmer.engines.specs import setup
 from swarmer.errors import RunFailed
 from swarmer.messages import Kind
@@ -274,7 +274,7 @@ class ClusterRun(RealTimeRun):
         if self.config.failure.replace:
             host.replaced_on = self._move(host.fids)
             then = f"are replaced on {', '.join(host.replaced_on)}"
-        text = f"{host.name} is gone ({why}); its {len(host.fids)} FLSs {then}"
+        text = f"{host.name}{GONE} ({why}); its {len(host.fids)} FLSs {then}"
         self.observer.event(Event(now, "host", 0, text))
 
     def _move(self, fids: NDArray[np.int64]) -> dict[str, int]:
