@@ -114,6 +114,13 @@ def test_who_fails_while_it_waits_for_the_next_shape_is_not_replaced_before_that
     assert watcher.samples[-1].lit[30:].any()
 
 
+def test_a_life_is_counted_from_the_launch():
+    _, watcher, _ = fly(45, **{"failure.battery_s": 4.0})
+    joiners = [event.t_s for event in watcher.events if event.kind == "departure" and event.fid > 30]
+    assert len(joiners) == 15
+    assert min(joiners) >= AT_S + 4.0
+
+
 def test_who_is_late_learns_it_from_a_datagram():
     """FLS 3 has a slow clock and datagrams up to 4 s late: the first that comes begins the next shape."""
     plan = plan_of(30)
