@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import secrets
 import shutil
 import sys
 import tempfile
@@ -126,13 +127,19 @@ def _no_main() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _desk() -> Iterator[Path]:
-    """A directory for one run. Those of workers that were killed go first."""
+    """A directory for one run. It has its name before it is there, so an interruption at any moment clears it."""
+    clear_desks()
+    desk = Path(tempfile.gettempdir(), f"{DESK}{os.getpid()}-{secrets.token_hex(8)}")
+    try:
+        desk.mkdir(mode=0o700)
+        yield desk
+    finally:
+        shutil.rmtree(desk, ignore_errors=True)
+
+
+def clear_desks() -> None:
+    """Remove those that killed workers left on this machine."""
     for old in Path(tempfile.gettempdir()).glob(f"{DESK}*"):
         pid = old.name.removeprefix(DESK).partition("-")[0]
         if pid.isdigit() and not Path(f"/proc/{pid}").exists():
             shutil.rmtree(old, ignore_errors=True)
-    desk = Path(tempfile.mkdtemp(prefix=f"{DESK}{os.getpid()}-"))
-    try:
-        yield desk
-    finally:
-        shutil.rmtree(desk, ignore_errors=True)

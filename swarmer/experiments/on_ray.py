@@ -41,6 +41,7 @@ class OnRay:
 
     def __exit__(self, *reason: Any) -> None:
         self._stack.__exit__(*reason)
+        errand.clear_desks()
 
     def at_once(self, runs: list[Run]) -> int:
         """See sweep.Place. Raises BadInput if a node is another world, or a run has room on none."""

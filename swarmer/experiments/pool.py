@@ -15,7 +15,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
-from multiprocessing import get_context
+from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -152,17 +152,24 @@ class Pool:
 
 @contextlib.contextmanager
 def _deaf() -> Iterator[None]:
-    """A process begun here ignores Ctrl-C from its first moment, before any line of ours; this one hears it later."""
+    """A process begun here ignores Ctrl-C from its first moment; this one answers it when the process has begun.
+
+    Never is it lost: a worker of Ray is interrupted but once, and killed some seconds later.
+    """
     if not hasattr(signal, "pthread_sigmask") or threading.current_thread() is not threading.main_thread():
         yield
         return
+    heard: list[bool] = []
+    resource_tracker.ensure_running()  # begun later it would lift the block again
+    before = signal.signal(signal.SIGINT, lambda *_: heard.append(True))
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        signal.signal(signal.SIGINT, before)
+        if heard:
+            signal.raise_signal(signal.SIGINT)
 
 
 def _work(line: Connection, ear: Connection, does: Work) -> None:

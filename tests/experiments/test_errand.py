@@ -5,6 +5,7 @@ import os
 import signal
 import threading
 import time
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
 import pytest
@@ -116,6 +117,44 @@ def test_a_run_that_is_ended_from_outside_leaves_nothing(first):
     assert errand._pool is None
     assert workers
     wait_for(lambda: gone(workers))
+
+
+def test_an_interruption_while_the_process_is_born_is_heard(first, desks, monkeypatch):
+    """Ray interrupts once: what is lost then runs on until the worker is killed, and stays on the disk."""
+    born, workers = SpawnProcess.start, []
+
+    def start(process):
+        os.kill(os.getpid(), signal.SIGINT)
+        born(process)
+        workers.append(process.pid)
+
+    monkeypatch.setattr(SpawnProcess, "start", start)
+    heard = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            do(Errand(first(TINY.replace("duration_s: 2", "duration_s: 100000")).config, []))
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, heard)
+    wait_for(lambda: gone(workers))
+    assert workers
+    assert list(desks.iterdir()) == []
+
+
+def test_an_interruption_while_the_directory_is_made_leaves_none(first, desks, monkeypatch):
+    make, made = Path.mkdir, []
+
+    def interrupted(path, *more, **named):
+        make(path, *more, **named)
+        if path.name.startswith(errand.DESK):
+            made.append(path)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "mkdir", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        do(Errand(first().config, []))
+    assert made
+    assert list(desks.iterdir()) == []
 
 
 def test_what_killed_workers_left_is_cleared_away(first, desks):
