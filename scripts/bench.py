@@ -30,6 +30,8 @@ TABLES = {
     "cluster": ("bench.cluster:run", 1),
     "shapes": ("bench.full_runs:shapes", 1),
     "authors": ("bench.full_runs:authors", 1),
+    "cores": ("bench.cores:pinned", 1),
+    "large": ("bench.cores:large", 1),
 }
 
 

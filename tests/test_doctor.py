@@ -9,7 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from swarmer.commands import doctor as command
-from swarmer.engines import doctor, kernel_services
+from swarmer.engines import control_groups, doctor, kernel_services
+from swarmer.engines.control_groups import Grant
+from swarmer.engines.limits import MEMORY_MB_PER_FLS
 from swarmer.engines.trial import SHAPES, Trial, Watch, run_trial
 from swarmer.errors import RunFailed
 
@@ -83,13 +85,12 @@ def test_elsewhere_it_says_which_engines_are_possible(monkeypatch):
 
 
 def test_a_container_has_limits_of_its_own(monkeypatch):
-    files = {"/sys/fs/cgroup/cpu.max": "50000 100000", "/sys/fs/cgroup/memory.max": str(1 << 30)}
-    files |= {"/sys/fs/cgroup/memory.current": str(1 << 29), "/sys/fs/cgroup/pids.max": "1000"}
-    monkeypatch.setattr(doctor, "read_text", lambda path: files.get(path))
-    monkeypatch.setattr(doctor, "own_group", lambda _: "/sys/fs/cgroup")
+    monkeypatch.setattr(control_groups, "cores", lambda: 0.5)
+    monkeypatch.setattr(control_groups, "memory", lambda: Grant(1 << 30, 1 << 29))
+    monkeypatch.setattr(control_groups, "processes", lambda: Grant(1000, 0))
     assert doctor.cores().mark == "warn"
     assert doctor.memory().mark == "fail"
-    assert doctor.memory().found == "512 MB, for 128 FLSs"
+    assert doctor.memory().found == f"512 MB, for {int(512 / MEMORY_MB_PER_FLS)} FLSs"
     pids = doctor.container_processes()
     assert (pids.mark, pids.found) == ("warn", "1000 of 1000 left")
     assert "3000" in pids.advice

@@ -28,6 +28,7 @@ def command(quick: bool, as_json: bool) -> None:
     dragon (760 FLSs) is possible, else 1. With --quick everything that was looked at has a line.
     """
     from swarmer.engines import doctor
+    from swarmer.engines.limits import available_mb
 
     if not doctor.is_linux():
         elsewhere(doctor.possible_engines(), as_json)
@@ -40,7 +41,7 @@ def command(quick: bool, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(as_data(checks, trial, possible, trouble), allow_nan=False))
     elif trial is not None:
-        show_trial(trial, doctor.free_mb())
+        show_trial(trial, available_mb())
     if failed is not None:
         raise RunFailed(
             f"no run of the dragon is possible here: {failed.name}: {failed.found}; {failed.advice}"
@@ -81,6 +82,7 @@ def try_trial(as_json: bool) -> tuple[Trial | None, str]:
 def as_data(checks: list[Check], trial: Trial | None, possible: bool, trouble: str) -> dict[str, Any]:
     """What `--json` prints."""
     from swarmer.engines import doctor
+    from swarmer.engines.limits import available_mb
 
     data: dict[str, Any] = {
         "format": 1,
@@ -96,7 +98,7 @@ def as_data(checks: list[Check], trial: Trial | None, possible: bool, trouble: s
 
         data["trial"] = trial.as_data()
         data["estimate"] = {
-            "largest_at_time_scale_1": trial.largest(doctor.free_mb()),
+            "largest_at_time_scale_1": trial.largest(available_mb()),
             "time_scale": {str(points): round(trial.scale_for(points), 3) for points in SHAPES},
         }
     return data

@@ -103,10 +103,9 @@ def machine_rows(count: int, trouble: BadInput | None) -> list[tuple[str, ...]]:
     """What a run takes from this machine."""
     if trouble is not None:
         return [("memory", "too little here, or too few processes are allowed: see the warning")]
-    from swarmer.engines.doctor import free_mb
-    from swarmer.engines.limits import MEMORY_MB_PER_FLS, cores
+    from swarmer.engines.limits import MEMORY_MB_PER_FLS, available_mb, cores
 
-    free = free_mb()
+    free = available_mb()
     here = "" if free is None else f" of the {free:.0f} MB that are free"
     share = min(1.0, REAL_TIME_POINTS * cores() / MEASURED_CORES / count)
     launch = max(1.0, LAUNCH_S * count / LAUNCH_POINTS)

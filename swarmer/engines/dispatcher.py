@@ -25,6 +25,7 @@ import traceback
 from typing import Any
 
 from swarmer.engines.fault_events import event_of
+from swarmer.engines.limits import die_first
 from swarmer.engines.process_faults import BEATS_EVERY_S, Hand, Watch
 from swarmer.engines.specs import fls_spec, run_spec
 from swarmer.engines.warm_up import SPECIALISE, TOUCH, warm_up
@@ -190,6 +191,7 @@ class Dispatcher:
             os.close(self._wake_r)
             os.close(self._wake_w)
             gc.disable()  # an FLS makes no cycles; collections would only touch, and so copy, shared pages
+            die_first()
             settle(self.run.cpus, spec.fid)
             warm_up(self.run, spec, TOUCH)
             status = run_fls(self.run, spec, self.shared)

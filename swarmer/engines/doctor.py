@@ -11,8 +11,10 @@ import platform
 import shutil
 import sys
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import NamedTuple
+
+from swarmer.engines import control_groups
+from swarmer.engines.control_groups import read_number, read_text
 
 DRAGON = 760  # FLSs; below what they need no run of it is possible
 MANY = 2000  # FLSs; below what they need there is a warning
@@ -81,7 +83,7 @@ def system() -> Check:
 def cores() -> Check:
     """Cores this process may use, and the share of them that a container grants."""
     allowed, all_of_them = len(os.sched_getaffinity(0)), os.cpu_count() or 1
-    share = container_cores()
+    share = control_groups.cores()
     found = f"{allowed} of {all_of_them}" if allowed < all_of_them else str(allowed)
     if share is not None and share < allowed:
         return Check(
@@ -98,40 +100,11 @@ def load() -> Check:
     return Check("load now", " ".join(f"{value:.1f}" for value in os.getloadavg()), INFO)
 
 
-def container_cores() -> float | None:
-    """Cores that the control group grants; None without such a limit."""
-    words = (read_text("/sys/fs/cgroup/cpu.max") or "").split()
-    if len(words) == 2 and words[0] != "max":
-        return int(words[0]) / int(words[1])
-    quota = read_number("/sys/fs/cgroup/cpu/cpu.cfs_quota_us")
-    period = read_number("/sys/fs/cgroup/cpu/cpu.cfs_period_us")
-    return quota / period if quota and period and quota > 0 else None
-
-
-def free_mb() -> float | None:
-    """Memory that new processes can have, in MB, by the system and by the container."""
-    from swarmer.engines.limits import available_mb
-
-    known = [mb for mb in (available_mb(), container_free_mb()) if mb is not None]
-    return min(known, default=None)
-
-
-def container_free_mb() -> float | None:
-    """What the control group still grants, in MB; None without such a limit."""
-    for most, used in (
-        ("memory.max", "memory.current"),
-        ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
-    ):
-        limit, now = read_number(f"/sys/fs/cgroup/{most}"), read_number(f"/sys/fs/cgroup/{used}")
-        if limit is not None and now is not None and limit < 1 << 60:
-            return (limit - now) / 2**20
-    return None
-
-
 def memory() -> Check:
     from swarmer.engines.limits import MEMORY_MB_PER_FLS as EACH
+    from swarmer.engines.limits import available_mb
 
-    free = free_mb()
+    free = available_mb()
     if free is None:
         return Check("free memory", "the system does not tell", INFO)
     return verdict(
@@ -188,26 +161,14 @@ def kernel_number(name: str, many: int, few: int) -> Check:
 
 def container_processes() -> Check:
     """The control group's limit of processes, which is what binds in a container."""
-    where = own_group("pids")
-    most, now = read_number(f"{where}/pids.max"), read_number(f"{where}/pids.current") or 0
-    if most is None:
+    grant = control_groups.processes()
+    if grant is None:
         return Check("pids of the control group", "no limit", OK)
     return verdict(
-        most - now, "pids of the control group",
+        grant.left, "pids of the control group",
         f"systemctl set-property --runtime user-$(id -u).slice TasksMax={MANY + 1000}   (docker: --pids-limit)",
-        text=f"{most - now} of {most} left",
+        text=f"{grant.left} of {grant.most} left",
     )  # fmt: skip
-
-
-def own_group(controller: str) -> str:
-    """The directory of this process's control group that rules `controller`."""
-    for line in (read_text("/proc/self/cgroup") or "").splitlines():
-        _, names, path = line.split(":", 2)
-        if names == "" or controller in names.split(","):
-            root = "/sys/fs/cgroup" if names == "" else f"/sys/fs/cgroup/{controller}"
-            if Path(root + path).is_dir():
-                return root + path.rstrip("/")
-    return "/sys/fs/cgroup"
 
 
 def none_if_infinite(limit: int) -> int | None:
@@ -216,16 +177,3 @@ def none_if_infinite(limit: int) -> int | None:
 
 def shown(limit: int | None) -> str:
     return "no limit" if limit is None else str(limit)
-
-
-def read_text(path: str) -> str | None:
-    with contextlib.suppress(OSError, UnicodeError):
-        return Path(path).read_text().strip()
-    return None
-
-
-def read_number(path: str) -> int | None:
-    """The one number in a file; None if it is not there or says `max`."""
-    with contextlib.suppress(ValueError):
-        return int(read_text(path) or "")
-    return None

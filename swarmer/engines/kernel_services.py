@@ -8,7 +8,8 @@ import socket
 from collections.abc import Iterator
 from pathlib import Path
 
-from swarmer.engines.doctor import FAIL, INFO, MANY, OK, WARN, Check, read_number
+from swarmer.engines.control_groups import read_number
+from swarmer.engines.doctor import FAIL, INFO, MANY, OK, WARN, Check
 from swarmer.messages import LARGEST, SIZE, Kind, Message, Stamp, Swarm, To, encode
 from swarmer.radio import Ears, Grid
 from swarmer.udp_wrapper import BROADCAST, Filter, Wires, address_of, lock_port, open_socket

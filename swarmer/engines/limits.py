@@ -10,6 +10,7 @@ import socket
 import sys
 from pathlib import Path
 
+from swarmer.engines import control_groups
 from swarmer.errors import BadInput
 from swarmer.udp_wrapper import LARGEST_FID
 
@@ -78,12 +79,18 @@ def check_loop() -> None:
 
 
 def available_mb() -> float | None:
-    """Memory that new processes can have, in MB; None where the system does not tell."""
-    with contextlib.suppress(OSError, ValueError, IndexError):
-        for line in Path("/proc/meminfo").read_text().splitlines():
-            if line.startswith("MemAvailable:"):
-                return int(line.split()[1]) / 1024
-    return None
+    """Memory that new processes can have, in MB, of the machine and of its control group; None if neither tells."""
+    lines = (control_groups.read_text("/proc/meminfo") or "").splitlines()
+    known = [int(line.split()[1]) / 1024 for line in lines if line.startswith("MemAvailable:")]
+    if granted := control_groups.memory():
+        known.append(granted.left / 2**20)
+    return min(known, default=None)
+
+
+def die_first() -> None:
+    """Where memory ends the kernel ends this process rather than others, the engine and its results among them."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text("1000")
 
 
 def children_of(pid: int) -> list[int]:

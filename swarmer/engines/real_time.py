@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import signal
 import time
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
@@ -190,7 +191,7 @@ class RealTimeRun(ABC):
             if kind == "died" and self.result.launch_s is None:
                 fid, code = event["fid"], event["code"]
                 await self._fail_with_last_words(
-                    f"FLS {fid} could not begin: its process ended with status {code}"
+                    f"FLS {fid} could not begin: its process ended {how_it_ended(code)}"
                 )
 
     async def _fail_with_last_words(self, message: str) -> None:
@@ -207,13 +208,13 @@ class RealTimeRun(ABC):
         if kind == "replaced":
             text = f"incarnation {event['incarnation']} launched"
         elif kind == "died":
-            text = f"process ended unexpectedly with status {event['code']}"
+            text = f"process ended unexpectedly {how_it_ended(event['code'])}"
         else:
             text = "went dark" if kind == "failed" else why_it_left(self.plan.rules, fid, t_s)
         self.observer.event(Event(t_s, _EVENT_NAMES[kind], fid, text))
         if kind == "died" and self.events["died"] > max(3, CRASHES_MAX * self.count):
             self._fail(
-                f"{self.events['died']} FLS processes died unexpectedly, the last with status {event['code']}"
+                f"{self.events['died']} FLS processes died unexpectedly, the last {how_it_ended(event['code'])}"
             )
 
     # -- looking ---------------------------------------------------------------------------------------------------
@@ -320,6 +321,15 @@ class RealTimeRun(ABC):
             result.suggested_time_scale = self.tally.suggestion(result.time_scale, lease_ms)
         self.reader.close()
         self.shared.close()
+
+
+def how_it_ended(code: int) -> str:
+    """An exit status in words; below 0 it is a signal's number."""
+    if code >= 0:
+        return f"with status {code}"
+    if code == -signal.SIGKILL:  # nobody of ours does that unawares; the kernel does where memory ends
+        return "by SIGKILL; is the machine, or its control group, out of memory?"
+    return f"by signal {-code} ({signal.strsignal(-code)})"
 
 
 _EVENT_NAMES = {"failed": "failure", "departed": "departure", "died": "crash", "replaced": "replacement"}

@@ -29,7 +29,7 @@ def why_not() -> str | None:
 
 
 def ip(*words: str, check: bool = True) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(["ip", *words], check=check, capture_output=True, text=True, timeout=20)
+    return subprocess.run(["ip", *words], check=check, capture_output=True, text=True, timeout=60)
 
 
 class Namespaces:

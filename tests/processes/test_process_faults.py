@@ -134,5 +134,5 @@ def test_stopped_processes_end_with_their_run(tmp_path, how):
     elif how == "killed":
         process.kill()
     process.communicate(timeout=30)
-    wait_for(lambda: gone([*flss, dispatcher]), 5)
+    wait_for(lambda: gone([*flss, dispatcher]))
     assert not children(process.pid)

@@ -171,5 +171,8 @@ def test_a_flood_is_refused_and_the_run_goes_on(tmp_path):
     summary, _, _, sent = beset(tmp_path, attack, "--set", "radio.mac=true")
     unharmed(summary)
     assert sent > 5000, "no flood"
-    assert summary["rejected"] + summary["dropped_by_kernel"] == sent
+    assert summary["rejected"] <= sent
+    assert summary["rejected"] + summary["dropped_by_kernel"] >= sent, (
+        "a full queue drops friends' words, too"
+    )
     assert summary["handled_late_ms"]["p99"] > 0, "what it did to the others is told"
