@@ -16,7 +16,7 @@ from swarmer.udp_wrapper import LARGEST_FID
 
 FILES_OWN = 64  # the engine's own open files
 PROCESSES_OWN = 8
-MEMORY_MB_PER_FLS = 4.0
+MEMORY_MB_PER_FLS = 4.5  # private to it some 3.4 to 4.25, and what the kernel keeps of a process
 
 
 def check_limits(count: int) -> None:
