@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import shlex
 import socket
 import subprocess
@@ -22,6 +23,9 @@ from swarmer.errors import BadInput
 AGENT = "swarmer.engines.cluster.agent"
 HERE = "localhost"
 WORDS_MAX = 20  # lines of stderr that are kept
+WHY = re.compile(
+    r"error|not found|no such|no module|not known|denied|refused|failed|cannot|could not|timed out", re.I
+)
 
 
 class Launched(Protocol):
@@ -137,10 +141,11 @@ class Program:
         return self._process.poll() is not None
 
     def last_words(self) -> str:
-        """The last line of its stderr."""
+        """The last line of its stderr that says why, for shells and ssh add more; if none does, the last."""
         if self.ended():
             self._reader.join(1.0)
-        return self._words[-1] if self._words else ""
+        words = list(self._words)
+        return next(filter(WHY.search, reversed(words)), words[-1] if words else "")
 
     def end(self) -> None:
         """Close its stdin, then kill it."""
