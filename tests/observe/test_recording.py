@@ -368,7 +368,7 @@ def test_a_child_that_holds_the_pipe_open_does_not_hold_the_end_up(world):
     for fd in held:
         os.close(fd)
     assert held
-    assert time.monotonic() - begun < 5
+    assert time.monotonic() - begun < 20
     assert len(chunks(path)) > 3
 
 

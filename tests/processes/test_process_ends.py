@@ -172,7 +172,7 @@ def test_a_killed_fls_is_seen_and_replaced(tmp_path):
     assert summary["failures"] == summary["replacements"] == 1
     assert summary["lit_share"] == 1
     crash = next(event for event in events(tmp_path / "run") if event["kind"] == "crash")
-    assert "-9" in crash["text"]
+    assert "SIGKILL" in crash["text"]
 
 
 def test_too_many_crashes_end_the_run(tmp_path):
