@@ -28,6 +28,9 @@ def group():
     try:
         own.mkdir()
         (own / limit).write_text(str(LIMIT_MB << 20))
+        for swap, most in (("memory.swap.max", 0), ("memory.memsw.limit_in_bytes", LIMIT_MB << 20)):
+            with contextlib.suppress(OSError):  # where there is such a limit, nor may it swap
+                (own / swap).write_text(str(most))
     except OSError as error:
         with contextlib.suppress(OSError):
             own.rmdir()
