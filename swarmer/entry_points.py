@@ -23,6 +23,7 @@ class Plugin(NamedTuple):
     name: str
     place: str  # "module:attribute"
     package: str  # its name and version
+    rival: str = ""  # another package that has something of the same name
 
     @property
     def outside(self) -> bool:
@@ -43,7 +44,10 @@ def _installed(group: str, path: tuple[str, ...]) -> dict[str, Plugin]:
     found: dict[str, Plugin] = {}
     for entry in entry_points(group=group):
         package = f"{entry.dist.name} {entry.dist.version}" if entry.dist else "an unknown package"
-        found.setdefault(entry.name, Plugin(entry.name, entry.value, package))
+        one = Plugin(entry.name, entry.value, package)
+        other = found.setdefault(entry.name, one)
+        if other.place != one.place:
+            found[entry.name] = other._replace(rival=package)
     return found
 
 

@@ -153,6 +153,9 @@ def find_technique(name: str) -> str:
 
     known = installed(ENTRY_POINTS)
     if name in known:
+        if rival := known[name].rival:
+            both = " and ".join(sorted((known[name].package, rival)))
+            raise BadInput("technique", name, f"one that a single package has; {both} call one of theirs so")
         return known[name].place
     near = get_close_matches(name, known, 1)
     hint = f"did you mean {near[0]!r}?" if near else "installed are"

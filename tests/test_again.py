@@ -85,6 +85,7 @@ def test_changed_settings_are_named_with_what_they_were(run):
     ("changes", "line"),
     [
         ({"engine": "process"}, "process is never twice the same"),
+        ({"engine": "rounds"}, "rounds has no events to compare"),
         ({"status": "interrupted"}, "came to its end"),
         ({"format": 99}, "this one's is 99"),
         ({"status": None}, "came to its end; of this one nobody knows"),

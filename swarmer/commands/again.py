@@ -89,11 +89,9 @@ def _refuse_what_cannot_repeat(saved: SavedRun) -> None:
             "run", path, f"a manifest.json of format {MANIFEST_FORMAT}; this one's is {shown(version)}"
         )
     if summary.get("engine") != VIRTUAL:
-        raise BadInput(
-            "run",
-            path,
-            f"a run with --engine {VIRTUAL}; the engine {summary.get('engine')} is never twice the same",
-        )
+        engine = summary.get("engine")
+        why = "has no events to compare" if engine == "rounds" else "is never twice the same"
+        raise BadInput("run", path, f"a run with --engine {VIRTUAL}; the engine {engine} {why}")
     if (status := summary.get("status")) != "done":
         how = f"this one is {status}" if status else "of this one nobody knows"
         raise BadInput("run", path, f"a run that came to its end; {how}")

@@ -144,8 +144,7 @@ def run(
         from swarmer.observe.run_directory import TRACE, RunDirectory, check_out
         from swarmer.plan import make_plan
 
-        if out is not None:
-            check_out(out)
+        remains = check_out(out) if out is not None else []
         if live is not None:
             check_way(live)
         refuse_witnesses(config, trace_fids, check)
@@ -166,6 +165,8 @@ def run(
         def begin() -> None:
             let_endings_come()
             tell_plan(plan)
+            if remains:
+                click.echo(f"note: {out} held what a run that was cut off had left; it is replaced", err=True)
             for line in notes_on(config, plan.rules, plan.faults, config.unlike(preset(source))):
                 click.echo(f"note: {line}", err=True)
             tell_changed_shape(plan, source)

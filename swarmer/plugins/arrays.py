@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmer.messages import Vec3
+from swarmer.messages import LARGEST, Vec3
 from swarmer.plugins import NoFix, references_of
 from swarmer.plugins.fixing import FIXED, Fixes
 from swarmer.plugins.guard import TRIED, Watched, vector_of
@@ -17,7 +17,7 @@ Vectors = NDArray[np.float64]
 
 
 def like(vectors: Vectors) -> Callable[[Any], Vectors]:
-    """What checks that an answer has as many finite vectors."""
+    """What checks that an answer has as many vectors, finite and none beyond what a datagram may hold."""
 
     def check(answer: Any) -> Vectors:
         found = np.asarray(answer)
@@ -25,6 +25,8 @@ def like(vectors: Vectors) -> Callable[[Any], Vectors]:
             raise ValueError(f"gave an array {found.dtype}{found.shape}, not numbers {vectors.shape}")
         if not np.isfinite(found).all():
             raise ValueError("gave vectors that are not finite")
+        if np.abs(found).max(initial=0.0) > LARGEST:
+            raise ValueError(f"gave a vector that is farther than {LARGEST:g} cells")
         return found.astype(np.float64, copy=False)
 
     return check
@@ -46,6 +48,8 @@ def fixes_of(found: Fixes) -> Fixes:
     fixed = found.failure == FIXED
     if found.vector.ndim != 2 or found.vector.shape[1] != 3 or not np.isfinite(found.vector[fixed]).all():
         raise ValueError("gave fixes that are not finite vectors")
+    if np.abs(found.vector[fixed]).max(initial=0.0) > LARGEST:
+        raise ValueError(f"gave a fix that is farther than {LARGEST:g} cells")
     return found
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from swarmer.entry_points import SENSOR_ERRORS, TECHNIQUES, THAW_POLICIES, at
 from swarmer.errors import BadInput, PluginFailed, shown
-from swarmer.messages import Vec3
+from swarmer.messages import LARGEST, Vec3
 
 if TYPE_CHECKING:
     from swarmer.physics.sensing import SensorErrorModel
@@ -38,7 +38,7 @@ def load(place: str) -> Any:
 
 
 def vector_of(value: Any) -> Vec3:
-    """Three finite numbers as floats. Raises ValueError, which says what it is instead."""
+    """Three numbers as floats, none beyond what a datagram may hold. Raises ValueError, which says what is wrong."""
     try:
         parts = tuple(value)
     except TypeError:
@@ -48,13 +48,17 @@ def vector_of(value: Any) -> Vec3:
     x, y, z = map(float, parts)
     if not math.isfinite(x + y + z):
         raise ValueError(f"gave {shown(value)}, which is not finite")
+    if max(map(abs, (x, y, z))) > LARGEST:
+        raise ValueError(f"gave {shown(value)}, which is farther than {LARGEST:g} cells")
     return (x, y, z)
 
 
 def number_of(value: Any) -> float:
-    """A finite number as a float. Raises ValueError, which says what it is instead."""
+    """A number as a float, not beyond what a datagram may hold. Raises ValueError, which says what it is instead."""
     if not isinstance(value, Real) or not math.isfinite(value):
         raise ValueError(f"gave {shown(value)}, not a finite number")
+    if abs(value) > LARGEST:
+        raise ValueError(f"gave {shown(value)}, which is beyond {LARGEST:g}")
     return float(value)
 
 

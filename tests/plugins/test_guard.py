@@ -4,12 +4,16 @@ import json
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from swarmer.config import load_config
+from swarmer.entry_points import _installed
 from swarmer.errors import BadInput, PluginFailed
 from swarmer.experiments.one_run import perform
 from swarmer.plan import make_plan, make_sensor, make_thaw_policy
+from swarmer.plugins.arrays import fixes_of, like
+from swarmer.plugins.fixing import FIXED, Fixes
 from swarmer.plugins.guard import GuardedLocalizer, vector_of
 
 GROUPS = {
@@ -57,6 +61,8 @@ def package(tmp_path, monkeypatch):
         ("technique", DISPLACEMENT.format("return 'abc'"), "gave 'abc', not three numbers"),
         ("technique", DISPLACEMENT.format("return (1.0, float('nan'), 0.0)"), "gave (1.0, nan, 0.0), which is not"),
         ("technique", DISPLACEMENT.format("return (1e999, 0, 0)"), "gave (inf, 0, 0), which is not finite"),
+        ("technique", DISPLACEMENT.format("return (1e300, 1, 1)"), "gave (1e+300, 1, 1), which is farther than 1e+09"),
+        ("technique", LEGS.format("return [(-2e9, 0, 0)]"), "which is farther than 1e+09 cells"),
         ("technique", DISPLACEMENT.format("return measured[3]"), "raised IndexError: tuple index out of range"),
         ("technique", "class It:\n    pass\n", "which has no displacement"),
         ("technique", "class It:\n    def __init__(self, needed):\n        1\n", "made without arguments raised"),
@@ -67,6 +73,7 @@ def package(tmp_path, monkeypatch):
         ("technique", LEGS.format("return ()"), "gave (), not one leg or more"),
         ("sensing.model", DRAW.format("None"), "a draw gave None, not a finite number"),
         ("sensing.model", DRAW.format("float('nan')"), "a draw gave nan, not a finite number"),
+        ("sensing.model", DRAW.format("-1e300"), "a draw gave -1e+300, which is beyond 1e+09"),
         ("sensing.model", DRAW.format("1 / 0"), "a draw raised ZeroDivisionError"),
         ("sensing.model", "def It(share, accurate):\n    return 1.0\n", "gave 1.0, not a function of a generator"),
         ("sensing.model", "def It():\n    return 1.0\n", "raised TypeError"),
@@ -85,6 +92,41 @@ def test_what_cannot_be_is_refused_before_a_run(package, setting, source, said):
     assert said in line
     assert "\n" not in line
     assert refused.value.exit_status == 2
+
+
+@pytest.mark.parametrize("engine", ["virtual", "rounds"])
+def test_what_grows_beyond_any_display_ends_the_run_and_not_with_a_traceback(package, tmp_path, engine):
+    later = "class It:\n" + LATE.format("displacement", "(0.0, 0.0, 0.0)", 9, "(1e300, 1e300, 1e300)")
+    name, choice = package("technique", later)
+    base = [one for one in BASE if not one.startswith("engine")]
+    outcome = perform(load_config(None, [*base, f"engine={engine}", choice]), tmp_path / "run")
+    assert outcome.status == "failed"
+    assert outcome.message.startswith(f"technique: '{name}' of the package {name}-package 2: ")
+    assert "farther than 1e+09 cells" in outcome.message
+
+
+def test_arrays_are_held_to_the_same():
+    near = np.zeros((2, 3))
+    assert like(near)(near).shape == (2, 3)
+    with pytest.raises(ValueError, match="farther than"):
+        like(near)(np.array([[0, 0, 0], [0, -1e300, 0]]))
+    with pytest.raises(ValueError, match="farther than"):
+        fixes_of(Fixes(np.full((1, 3), 2e9), np.full(1, FIXED), np.zeros(1)))
+
+
+def test_a_name_that_two_packages_have_is_refused(package, tmp_path, monkeypatch):
+    """Or it would be chance whose technique flies: a stranger's, under the name of ours."""
+    package("technique", DISPLACEMENT.format("return measured"))
+    facts = next(tmp_path.glob("*/*.dist-info/entry_points.txt"))
+    facts.write_text("[swarmer.localizers]\nsignal_strength = elsewhere:It\n")
+    _installed.cache_clear()
+    with pytest.raises(
+        BadInput, match=r"a single package has; strange\d+-package 2 and swarmer .* call one of theirs"
+    ):
+        make_plan(load_config(None, BASE))
+    facts.write_text("")
+    _installed.cache_clear()
+    assert make_plan(load_config(None, BASE))
 
 
 def test_a_policy_that_counts_reports_needs_epochs(package):
