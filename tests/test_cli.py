@@ -165,8 +165,18 @@ def test_what_a_killed_run_left_is_replaced_and_that_is_said(tmp_path):
     out = tmp_path / "run"
     out.mkdir()
     (out / "events.csv.partial").write_text("t_s,kind,fid,text\n")
-    words = ["--engine", "rounds", "--shape", "butterfly", "--points", "20", "--rounds", "3", "--no-recording", "--out", "run"]
-    done = swarmer(*words, program="main_run", cwd=tmp_path)
+    small = [
+        "--engine",
+        "rounds",
+        "--shape",
+        "butterfly",
+        "--points",
+        "20",
+        "--rounds",
+        "3",
+        "--no-recording",
+    ]
+    done = swarmer(*small, "--out", "run", program="main_run", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "note: run held what a run that was cut off had left; it is replaced\n" in done.stderr
     assert not (out / "events.csv.partial").exists()

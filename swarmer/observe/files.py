@@ -32,7 +32,8 @@ def disk_errors(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        raise RunFailed(f"cannot write {path}: {reason}; what was finished is in {path.parent}") from error
+        kept = f"; what was finished is in {path.parent}" if path.parent.is_dir() else ""
+        raise RunFailed(f"cannot write {path}: {reason}{kept}") from error
 
 
 def _open_own(path: Path, flags: int) -> int:
