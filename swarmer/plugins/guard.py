@@ -57,9 +57,10 @@ def number_of(value: Any) -> float:
     """A number as a float, not beyond what a datagram may hold. Raises ValueError, which says what it is instead."""
     if not isinstance(value, Real) or not math.isfinite(value):
         raise ValueError(f"gave {shown(value)}, not a finite number")
-    if abs(value) > LARGEST:
+    number = float(value)
+    if abs(number) > LARGEST:
         raise ValueError(f"gave {shown(value)}, which is beyond {LARGEST:g}")
-    return float(value)
+    return number
 
 
 class Watched:
