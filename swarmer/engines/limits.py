@@ -36,6 +36,14 @@ def check_limits(count: int) -> None:
         ("/proc/sys/kernel/pid_max", "kernel.pid_max"),
     ):
         _check_kernel(path, name, count)
+    granted = control_groups.processes()
+    if granted is not None and granted.left < count + PROCESSES_OWN:
+        raise BadInput(
+            "points",
+            count,
+            f"the control group allows {granted.left} more processes, {count + PROCESSES_OWN} are needed; "
+            "raise its pids.max (docker: --pids-limit)",
+        )
     free = available_mb()
     if free is not None and count * MEMORY_MB_PER_FLS > free:
         raise BadInput(

@@ -213,9 +213,9 @@ class RealTimeRun(ABC):
             text = "went dark" if kind == "failed" else why_it_left(self.plan.rules, fid, t_s)
         self.observer.event(Event(t_s, _EVENT_NAMES[kind], fid, text))
         if kind == "died" and self.events["died"] > max(3, CRASHES_MAX * self.count):
-            self._fail(
-                f"{self.events['died']} FLS processes died unexpectedly, the last {how_it_ended(event['code'])}"
-            )
+            how = how_it_ended(event["code"])
+            words = f": {self._complaint}" if self._complaint else ""
+            self._fail(f"{self.events['died']} FLS processes died unexpectedly, the last {how}{words}")
 
     # -- looking ---------------------------------------------------------------------------------------------------
 

@@ -17,10 +17,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from swarmer.errors import SwarmerError
 from swarmer.experiments.one_run import Outcome, perform
 from swarmer.experiments.pool import Pool
 from swarmer.observe.files import write_file
-from swarmer.observe.run_directory import SUMMARY
+from swarmer.observe.run_directory import SUMMARY, hold, let_go
 
 if TYPE_CHECKING:
     from typing import BinaryIO
@@ -130,16 +131,22 @@ def _desk() -> Iterator[Path]:
     """A directory for one run. It has its name before it is there, so an interruption at any moment clears it."""
     clear_desks()
     desk = Path(tempfile.gettempdir(), f"{DESK}{os.getpid()}-{secrets.token_hex(8)}")
+    lock = None
     try:
         desk.mkdir(mode=0o700)
+        lock = hold(desk)
         yield desk
     finally:
         shutil.rmtree(desk, ignore_errors=True)
+        let_go(lock)
 
 
 def clear_desks() -> None:
-    """Remove those that killed workers left on this machine."""
+    """Remove those that killed workers left on this machine, and none that a worker holds, of another container say."""
     for old in Path(tempfile.gettempdir()).glob(f"{DESK}*"):
         pid = old.name.removeprefix(DESK).partition("-")[0]
         if pid.isdigit() and not Path(f"/proc/{pid}").exists():
-            shutil.rmtree(old, ignore_errors=True)
+            with contextlib.suppress(SwarmerError):
+                lock = hold(old)
+                shutil.rmtree(old, ignore_errors=True)
+                let_go(lock)

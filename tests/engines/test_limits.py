@@ -5,7 +5,8 @@ import resource
 
 import pytest
 
-from swarmer.engines import limits
+from swarmer.engines import control_groups, limits
+from swarmer.engines.control_groups import Grant
 from swarmer.errors import BadInput
 
 
@@ -48,6 +49,15 @@ def test_a_low_hard_limit_is_named_to_who_may_not(monkeypatch):
     with pytest.raises(BadInput, match=r"hard limit on processes is 60, 108 are needed; .*ulimit -u 108"):
         limits.check_limits(100)
     assert system.now == (50, 60)
+
+
+def test_a_control_group_that_allows_fewer_processes_is_named(monkeypatch):
+    monkeypatch.setattr(control_groups, "processes", lambda: Grant(150, 60))
+    limits.check_limits(90 - limits.PROCESSES_OWN)
+    with pytest.raises(
+        BadInput, match=r"the control group allows 90 more processes, 91 are needed; .*pids\.max"
+    ):
+        limits.check_limits(91 - limits.PROCESSES_OWN)
 
 
 def test_where_there_are_no_files_no_event_loop_is_begun():

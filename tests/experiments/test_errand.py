@@ -19,6 +19,7 @@ from swarmer.experiments.on_ray import plan_here
 from swarmer.experiments.one_run import Outcome, perform
 from swarmer.experiments.runs import expand
 from swarmer.experiments.sweep_directory import SweepDirectory
+from swarmer.observe.run_directory import hold, let_go
 
 TINY = "base: {engine: virtual, shape: sphere, points: 12, duration_s: 2}\n"
 
@@ -160,6 +161,18 @@ def test_an_interruption_while_the_directory_is_made_leaves_none(first, desks, m
 def test_what_killed_workers_left_is_cleared_away(first, desks):
     (desks / f"{errand.DESK}999999999-x").mkdir()  # no process has this id
     do(Errand(first().config, []))
+
+
+def test_what_a_worker_of_another_container_holds_stays(desks):
+    """Its process is none of ours to see, though the directory for temporary files is the same."""
+    desk = desks / f"{errand.DESK}999999999-x"
+    desk.mkdir()
+    lock = hold(desk)
+    errand.clear_desks()
+    assert desk.exists()
+    let_go(lock)
+    errand.clear_desks()
+    assert not desk.exists()
 
 
 def test_half_a_run_is_replaced_and_a_strangers_file_is_not(tmp_path):

@@ -1,13 +1,16 @@
 """A plugin of another package that goes wrong is named, with its package: before the run, or when it happens."""
 
 import json
+import signal
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
 
 from swarmer.config import load_config
+from swarmer.engines.stopping import PATIENCE_S
 from swarmer.entry_points import _installed
 from swarmer.errors import BadInput, PluginFailed
 from swarmer.experiments.one_run import perform
@@ -243,6 +246,39 @@ def test_an_fls_process_says_it_before_it_ends(package, tmp_path):
     )
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert (summary["status"], "which is not finite" in summary["message"]) == ("failed", True)
+
+
+HANGS = (
+    "import os, time\nclass It:\n    calls = 0\n    def displacement(self, measured, ground_truth):\n"
+    "        It.calls += 1\n        if It.calls > 9:\n            open('hangs', 'w').close()\n"
+    "            while True:\n                time.sleep(1)\n        return measured\n"
+)
+
+
+@pytest.mark.parametrize("engine", ["virtual", "rounds"])
+def test_a_run_whose_technique_hangs_ends_with_another_ctrl_c(package, tmp_path, engine):
+    _, choice = package("technique", HANGS)
+    code = f"import sys; sys.path[:0] = {sys.path!r}; from swarmer import cli; cli.main_run()"
+    settings = ["shape=sphere", "points=12", f"engine={engine}", "recording.enabled=false", choice]
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *(word for one in settings for word in ("--set", one)), "--out", "run"],
+        cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )  # fmt: skip
+    try:
+        while not (tmp_path / "hangs").exists():
+            assert process.poll() is None
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)  # noted; the technique has the processor
+        time.sleep(PATIENCE_S + 0.5)
+        assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130, err
+    assert "Traceback" not in err
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["status"] == "interrupted"
 
 
 def test_ours_are_not_guarded():

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import shlex
 import socket
 import subprocess
@@ -23,9 +22,7 @@ from swarmer.errors import BadInput
 AGENT = "swarmer.engines.cluster.agent"
 HERE = "localhost"
 WORDS_MAX = 20  # lines of stderr that are kept
-WHY = re.compile(
-    r"error|not found|no such|no module|not known|denied|refused|failed|cannot|could not|timed out", re.I
-)
+WORDS_TOLD = 3
 
 
 class Launched(Protocol):
@@ -141,11 +138,10 @@ class Program:
         return self._process.poll() is not None
 
     def last_words(self) -> str:
-        """The last line of its stderr that says why, for shells and ssh add more; if none does, the last."""
+        """The last lines of its stderr: a shell or ssh may add one to that which says why."""
         if self.ended():
             self._reader.join(1.0)
-        words = list(self._words)
-        return next(filter(WHY.search, reversed(words)), words[-1] if words else "")
+        return "; ".join(list(self._words)[-WORDS_TOLD:])
 
     def end(self) -> None:
         """Close its stdin, then kill it."""
