@@ -8,29 +8,15 @@ import math
 from collections.abc import Iterable
 
 from swarmer.experiments.comparison import Cell, Comparison, Key, Measure, Pair
-from swarmer.experiments.tables import bounded
+from swarmer.experiments.tables import bounded, figure
 from swarmer.metrics import paired
 from swarmer.metrics.intervals import LEVEL, Interval
-from swarmer.observe.words import count
 
 LEAST_P = 1e-4  # smaller ones are not told apart
 PAIR_COLUMNS = (
     "measure", "condition", "one", "other", "pairs", "difference", "low", "high", "interval", "effect_rank_biserial",
     "other_less", "other_more", "p", "p_holm", "test", "better",
 )  # fmt: skip
-
-
-def figure(value: float) -> str:
-    """A number with three digits that say something.
-
-    >>> figure(0.012345), figure(12.345), figure(161_234.5), figure(math.inf), figure(-math.inf)
-    ('0.0123', '12.3', '161,234', 'never', '-∞')
-    """
-    if math.isinf(value):
-        return "never" if value > 0 else "-∞"
-    if abs(value) >= 1000:
-        return count(value)
-    return f"{value:.3g}"
 
 
 def named(key: Key, names: Key) -> str:
