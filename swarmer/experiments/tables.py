@@ -88,8 +88,7 @@ def _mean_shown(rows: list[Row], name: str, show: Callable[[float], str]) -> str
     values = [float(row[name]) for row in rows if row.get(name)]
     if not values:
         return NOTHING
-    mean = intervals.mean(values)
-    return bounded(mean._replace(low=max(mean.low, 0.0)), show)
+    return bounded(intervals.mean(values).cut(), show)
 
 
 def figure(value: float) -> str:

@@ -184,6 +184,13 @@ def test_too_few_seeds_say_so_and_how_many_would_do(write):
     assert "Student's t" in " ".join(method_lines(comparison))
 
 
+def test_what_is_never_negative_has_no_interval_below_0_but_its_differences_do(write):
+    comparison = compare(table(write, rows_of("cat", "a", [0.01, 0.1]) + rows_of("cat", "b", [0.02, 0.08])))
+    assert [row[2] for row in table_rows(comparison)[1:]] == ["0.055 [0, 0.627]", "0.05 [0, 0.431]"]
+    hd = next(pair for pair in comparison.pairs if pair.measure.column == "hd_cells")
+    assert hd.difference.low < 0
+
+
 def test_seeds_on_which_both_are_equal_are_seeds_that_could_have_shown_something(write):
     comparison = compare(table(write, rows_of("cat", "a", BASE) + rows_of("cat", "b", BASE)))
     assert limit_lines(comparison) == []
