@@ -9,8 +9,7 @@ from typing import NamedTuple
 from paper.claims import Claim, Order
 from paper.quantities import QUANTITIES, Row
 from swarmer.experiments.results import RESULTS, RUN, STATUS, read_results
-from swarmer.experiments.tables import bounded
-from swarmer.experiments.verdicts import figure
+from swarmer.experiments.tables import bounded, figure
 from swarmer.metrics import paired
 from swarmer.metrics.intervals import median
 

@@ -140,6 +140,7 @@ def carry_out(
         from swarmer.experiments.results import RESULTS
         from swarmer.experiments.tables import aligned, unfaithful
         from swarmer.experiments.verdicts import (
+            limit_lines,
             markdown,
             method_lines,
             pairs_csv,
@@ -161,7 +162,10 @@ def carry_out(
         raise RunFailed(f"cannot write {out / FIGURES}: {error.strerror}") from error
     for line in [*aligned(table_rows(comparison)), ""]:
         click.echo(line)
-    for line in [*statements(comparison, only_first=True), "", *method_lines(comparison)]:
+    limits = [
+        line for limit in limit_lines(comparison) for line in (limit, "")
+    ]  # first: what follows shows nothing
+    for line in [*limits, *statements(comparison, only_first=True), "", *method_lines(comparison)]:
         for part in wrapped(line, columns_of(sys.stdout, WIDTH)):
             click.echo(part)
     if late := unfaithful(out / RESULTS):

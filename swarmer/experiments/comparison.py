@@ -80,9 +80,10 @@ class Cell(NamedTuple):
     failed: int  # runs that are not done
 
     def estimate(self, measure: Measure) -> Interval:
-        """Its mean with a bootstrap interval; of what is timed the median, between two ranks."""
+        """Its mean with a bootstrap interval, cut at 0; of what is timed the median, between two ranks."""
         values = list(self.values[measure.column].values())
-        return median(values) if measure.timed else paired.bootstrap_mean(values)
+        estimate = median(values) if measure.timed else paired.bootstrap_mean(values)
+        return estimate if min(values, default=0.0) < 0 else estimate.cut()
 
 
 class Pair(NamedTuple):

@@ -55,7 +55,7 @@ def cells_of(settings: Sequence[str], rows: Sequence[Row], measures: Sequence[Me
         for measure in measures:
             its = [value for row in runs if (value := measure.of(row)) is not None]
             if its:
-                values[measure.column] = intervals.median(its) if measure.timed else intervals.mean(its)
+                values[measure.column] = intervals.median(its) if measure.timed else intervals.mean(its).cut()
         found.append(CellFigures(key, len(runs), values))
     return found
 

@@ -103,7 +103,7 @@ def _figures(
 def _table_part(results: Path) -> Part:
     shown = table_of(results)
     words = (
-        "Times are medians with an interval by ranks, counts means with Student's t, both of 95 %; "
+        "When an HD was reached is a median with an interval by ranks, all else a mean with Student's t, both of 95 %; "
         "(6/10) is how many of the runs got there."
     )
     table = report_page.table(shown.titles, shown.rows, "A row for each cell")

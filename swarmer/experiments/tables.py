@@ -1,6 +1,6 @@
 """results.csv as people read it: a row for each cell of the grid, every figure with its interval.
 
-Times to an HD are medians, thaws and datagrams means; how the intervals come about says `metrics/intervals.py`.
+When an HD was reached is a median, all else a mean; how the intervals come about says `metrics/intervals.py`.
 """
 
 from __future__ import annotations
@@ -10,12 +10,14 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
+from swarmer.experiments.comparison import Measure
 from swarmer.experiments.results import STATUS, read_results
 from swarmer.metrics import intervals
 from swarmer.metrics.intervals import NEVER, Interval
 from swarmer.observe.words import count
 
 Row = dict[str, str]
+NOTHING = "–"  # of what no run of a cell has
 
 
 class Column(NamedTuple):
@@ -39,12 +41,27 @@ def time_shown(rows: list[Row], name: str) -> str:
     >>> time_shown([{"t": "5.5"}, {"t": "7"}, {"t": ""}], "t")
     '7.0 (2/3)'
     """
-    values = [float(row[name]) if row[name] else NEVER for row in rows]
+    return _median_shown(rows, name, _seconds)
+
+
+def rounds_shown(rows: list[Row], name: str) -> str:
+    """A median of rounds, as of times.
+
+    >>> rounds_shown([{"rounds": "9", "rounds_to_hd.1": "5"}, {"rounds": "", "rounds_to_hd.1": ""}], "rounds_to_hd.1")
+    '5'
+    """
+    return _median_shown(rows, name, figure)
+
+
+def _median_shown(rows: list[Row], name: str, show: Callable[[float], str]) -> str:
+    """A run that does not count time in this unit has no such figure, which is not never."""
+    clock = Measure(name, name).clock
+    values = [float(row[name]) if row[name] else NEVER for row in rows if row[name] or row.get(clock) != ""]
     reached = sum(map(math.isfinite, values))
     if not reached:
-        return "never"
+        return "never" if values else NOTHING
     there = "" if reached == len(values) else f" ({reached}/{len(values)})"
-    return bounded(intervals.median(values), _seconds) + there
+    return bounded(intervals.median(values), show) + there
 
 
 def mean_shown(rows: list[Row], name: str) -> str:
@@ -55,11 +72,36 @@ def mean_shown(rows: list[Row], name: str) -> str:
     >>> mean_shown([{"n": "0"}, {"n": "0"}, {"n": "1"}], "n")
     '0.3 [0.0, 1.8]'
     """
+    return _mean_shown(rows, name, _amount)
+
+
+def measured_shown(rows: list[Row], name: str) -> str:
+    """A mean of what is measured and never below 0, however small.
+
+    >>> measured_shown([{"hd": "0.04"}, {"hd": "0.02"}, {"hd": "0.03"}], "hd")
+    '0.03 [0.00516, 0.0548]'
+    """
+    return _mean_shown(rows, name, figure)
+
+
+def _mean_shown(rows: list[Row], name: str, show: Callable[[float], str]) -> str:
     values = [float(row[name]) for row in rows if row.get(name)]
     if not values:
-        return "–"
-    mean = intervals.mean(values)
-    return bounded(mean._replace(low=max(mean.low, 0.0)), _amount)
+        return NOTHING
+    return bounded(intervals.mean(values).cut(), show)
+
+
+def figure(value: float) -> str:
+    """A number with three digits that say something.
+
+    >>> figure(0.012345), figure(12.345), figure(161_234.5), figure(math.inf), figure(-math.inf)
+    ('0.0123', '12.3', '161,234', 'never', '-∞')
+    """
+    if math.isinf(value):
+        return "never" if value > 0 else "-∞"
+    if abs(value) >= 1000:
+        return count(value)
+    return f"{value:.3g}"
 
 
 def bounded(interval: Interval, show: Callable[[float], str]) -> str:
@@ -93,22 +135,46 @@ COLUMNS = (
 )
 
 
-def table_of(path: Path, columns: Iterable[Column] = COLUMNS) -> Table:
-    """The table of a results.csv: a row per cell that has a finished run. Raises OSError, ValueError."""
+IN_ROUNDS = (
+    Column("rounds to HD < 0.09", "rounds_to_hd.0.09", rounds_shown),
+    Column("HD at the end, cells", "hd_cells", measured_shown),
+    Column("cells flown by an FLS", "distance_cells_mean", measured_shown),
+)
+"""Beside the others, of runs that count rounds: they have no seconds, and end where their HD is low."""
+
+
+def table_of(path: Path, columns: Iterable[Column] | None = None) -> Table:
+    """The table of a results.csv: a row per cell that has a finished run. Raises OSError, ValueError.
+
+    columns: None is the usual ones. One of which no cell has anything is left out.
+    """
     settings, rows = read_results(path)
     cells: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         if row.get(STATUS) == "done":
             cells.setdefault(tuple(row[name] for name in settings), []).append(row)
-    shown = [column for column in columns if any(row.get(column.name) is not None for row in rows)]
+    asked = _usual(rows) if columns is None else columns
+    there = [column for column in asked if any(row.get(column.name) is not None for row in rows)]
+    figures = [
+        (column.title, [column.show(runs, column.name) for runs in cells.values()]) for column in there
+    ]
+    shown = [(title, its) for title, its in figures if set(its) != {NOTHING}]
     body = [
-        [*(value or "null" for value in cell), str(len(runs)), *(column.show(runs, column.name) for column in shown)]
-        for cell, runs in cells.items()
-    ]  # fmt: skip
-    return Table([*settings, "runs", *(column.title for column in shown)], body)
+        [*(value or "null" for value in cell), str(len(runs)), *(its[at] for _, its in shown)]
+        for at, (cell, runs) in enumerate(cells.items())
+    ]
+    return Table([*settings, "runs", *(title for title, _ in shown)], body)
 
 
-def lines_of(path: Path, columns: Iterable[Column] = COLUMNS) -> list[str]:
+def _usual(rows: Iterable[Row]) -> Iterable[Column]:
+    """With rounds, if there are any; what is not counted in them stands behind."""
+    if not any(row.get("rounds") for row in rows):
+        return COLUMNS
+    times = [column for column in COLUMNS if column.show is time_shown]
+    return [*times, *IN_ROUNDS, *(column for column in COLUMNS if column not in times)]
+
+
+def lines_of(path: Path, columns: Iterable[Column] | None = None) -> list[str]:
     """The table in aligned lines; none if no run is finished."""
     table = table_of(path, columns)
     if not table.rows:
@@ -130,7 +196,7 @@ def unfaithful(path: Path) -> int:
     return sum(row.get(STATUS) == "done" and row.get("faithful") == "false" for row in rows)
 
 
-def markdown_of(path: Path, columns: Iterable[Column] = COLUMNS) -> str:
+def markdown_of(path: Path, columns: Iterable[Column] | None = None) -> str:
     """The table for a page."""
     table = table_of(path, columns)
     lines = [table.titles, ["---"] * len(table.titles), *table.rows]

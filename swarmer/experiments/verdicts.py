@@ -8,29 +8,15 @@ import math
 from collections.abc import Iterable
 
 from swarmer.experiments.comparison import Cell, Comparison, Key, Measure, Pair
-from swarmer.experiments.tables import bounded
+from swarmer.experiments.tables import bounded, figure
 from swarmer.metrics import paired
 from swarmer.metrics.intervals import LEVEL, Interval
-from swarmer.observe.words import count
 
 LEAST_P = 1e-4  # smaller ones are not told apart
 PAIR_COLUMNS = (
     "measure", "condition", "one", "other", "pairs", "difference", "low", "high", "interval", "effect_rank_biserial",
     "other_less", "other_more", "p", "p_holm", "test", "better",
 )  # fmt: skip
-
-
-def figure(value: float) -> str:
-    """A number with three digits that say something.
-
-    >>> figure(0.012345), figure(12.345), figure(161_234.5), figure(math.inf), figure(-math.inf)
-    ('0.0123', '12.3', '161,234', 'never', '-∞')
-    """
-    if math.isinf(value):
-        return "never" if value > 0 else "-∞"
-    if abs(value) >= 1000:
-        return count(value)
-    return f"{value:.3g}"
 
 
 def named(key: Key, names: Key) -> str:
@@ -79,19 +65,31 @@ def method_lines(comparison: Comparison) -> list[str]:
         "Differences: permutation test by sign flips, p corrected by Holm for all pairs of a measure; effect: "
         "matched-pairs rank-biserial correlation, -1 to 1.",
     ]
-    for measure in comparison.measures:
-        least = min((pair.test.least_p for pair in comparison.pairs if pair.measure == measure), default=0.0)
-        tests = comparison.family(measure)
-        if least * tests >= paired.ALPHA:
-            lines.append(
-                f"{measure.title}: {tests} pair{'s' * (tests != 1)} on {seeds} seed{'s' * (seeds != 1)} cannot show a "
-                f"difference, however large; {paired.pairs_needed(tests)} seeds could."
-            )
-        if apart := comparison.combinations - tests:
-            lines.append(
-                f"{measure.title}: not compared, as no seed has it of both: {apart} pair{'s' * (apart != 1)}."
-            )
+    apart = {measure: comparison.combinations - comparison.family(measure) for measure in comparison.measures}
+    lines += [
+        f"{measure.title}: not compared, as no seed has it of both: {pairs} pair{'s' * (pairs != 1)}."
+        for measure, pairs in apart.items()
+        if pairs
+    ]
     return lines
+
+
+def limit_lines(comparison: Comparison) -> list[str]:
+    """Of which measures so few seeds can show nothing, whatever the runs are like, and how many could.
+
+    What stands below such a line is no difference shown, however large it is.
+    """
+    titles: dict[tuple[int, int], list[str]] = {}
+    for measure in comparison.measures:
+        seeds = max((pair.difference.n for pair in comparison.pairs if pair.measure == measure), default=0)
+        tests = comparison.family(measure)
+        if tests * paired.least_p(seeds) >= paired.ALPHA:
+            titles.setdefault((tests, seeds), []).append(measure.title)
+    return [
+        f"{'; '.join(those)}: {tests} pair{'s' * (tests != 1)} on {seeds} seed{'s' * (seeds != 1)} cannot show a "
+        f"difference, however large; {paired.pairs_needed(tests)} seeds could."
+        for (tests, seeds), those in titles.items()
+    ]
 
 
 def _intervals(comparison: Comparison) -> str:
@@ -125,6 +123,10 @@ def pair_line(pair: Pair, comparison: Comparison) -> str:
     where = f"{named(pair.condition, comparison.within)}: " if pair.condition else ""
     less, more = ("earlier", "later") if pair.measure.timed else ("less", "more")
     n = pair.difference.n
+    if not pair.less and not pair.more:
+        return (
+            f"{where}{other} against {one}: the same on {f'each of {n} seeds' if n > 1 else 'the one seed'}"
+        )
     figures = f"(effect {pair.effect:+.2f}, p {_p(pair.p)})"
     if pair.better is None:
         return (
@@ -172,7 +174,7 @@ def statements(comparison: Comparison, only_first: bool = False) -> list[str]:
 def markdown(comparison: Comparison, title: str) -> str:
     """A page: the table, what it says, and how that was found."""
     rows = table_rows(comparison)
-    lines = [f"# {title}", "", *_table(rows), "", *method_lines(comparison), ""]
+    lines = [f"# {title}", "", *_table(rows), "", *limit_lines(comparison), *method_lines(comparison), ""]
     for measure in comparison.measures:
         pairs = [pair for pair in comparison.pairs if pair.measure == measure]
         if pairs:

@@ -33,7 +33,7 @@ class SignTest(NamedTuple):
     """What the pairs say about their difference."""
 
     p: float
-    least_p: float  # the smallest that so many pairs can give
+    least_p: float  # the smallest that so many pairs can give of which none is 0
     method: str
     direction: int  # to which side of 0 that what is flipped adds up: -1, 0, 1
 
@@ -108,7 +108,7 @@ def sign_flips(values: Sequence[float]) -> SignTest:
         )  # the last one stays: by symmetry
         sums = np.abs(signs @ scores[:-1] + scores[-1])
         return SignTest(
-            float((sums >= far).mean()), 2.0 ** (1 - n), f"sign flips of the {what}, exact", direction
+            float((sums >= far).mean()), least_p(n), f"sign flips of the {what}, exact", direction
         )
     rng = np.random.default_rng(SEED)
     hits = 0
@@ -117,7 +117,16 @@ def sign_flips(values: Sequence[float]) -> SignTest:
         signs = 1 - 2 * rng.integers(0, 2, size=(rows, n), dtype=np.int8)
         hits += int((np.abs(signs @ scores) >= far).sum())
     drawn = f"sign flips of the {what}, {FLIPS + 1:,} drawn"
-    return SignTest((hits + 1) / (FLIPS + 1), 1 / (FLIPS + 1), drawn, direction)
+    return SignTest((hits + 1) / (FLIPS + 1), least_p(n), drawn, direction)
+
+
+def least_p(n: int) -> float:
+    """The smallest p that so many pairs can give: that of differences which all lie on one side of 0.
+
+    >>> least_p(0), least_p(6), least_p(17)
+    (1.0, 0.03125, 1e-05)
+    """
+    return min(1.0, 2.0 ** (1 - n)) if n <= EXACT_PAIRS else 1 / (FLIPS + 1)
 
 
 def holm(ps: Sequence[float]) -> list[float]:

@@ -110,10 +110,13 @@ def _cut(label: str, number: int) -> str:
 
 
 def _enough(telling: dict[str, list[Any]]) -> list[str]:
-    """So few settings that they tell apart what all together do: the others stand in the table.
+    """So few settings that they tell apart what all together do, and the engine, which says what the rest means: the
+    others stand in the table.
 
     >>> _enough({"engine": ["rounds", "virtual"], "rounds.m": [2, 3], "lambda_ms": [5, 5]})
     ['engine']
+    >>> _enough({"points": [60, 100], "engine": ["rounds", "virtual"]})
+    ['engine', 'points']
     """
     found: list[str] = []
     told = 1
@@ -122,7 +125,7 @@ def _enough(telling: dict[str, list[Any]]) -> list[str]:
         number = len({tuple(map(text_of, row)) for row in zip(*tried, strict=True)})
         if number > told:
             found, told = [*found, name], number
-    return found
+    return ["engine", *found] if "engine" in telling and "engine" not in found else found
 
 
 def _settings(run: SavedRun) -> dict[str, Any]:

@@ -23,7 +23,14 @@ from swarmer.experiments.experiment import FACTS
 from swarmer.experiments.one_run import perform
 from swarmer.experiments.results import flat
 from swarmer.experiments.runs import asked_of, check_plans, expand
-from swarmer.experiments.verdicts import markdown, method_lines, pairs_csv, statements, table_rows
+from swarmer.experiments.verdicts import (
+    limit_lines,
+    markdown,
+    method_lines,
+    pairs_csv,
+    statements,
+    table_rows,
+)
 
 pytestmark = pytest.mark.timeout(300)  # whole commands, on a busy machine
 HEAD = "shape,technique,seed,status,hd_cells,time_to_hd_s.0.09,distance_cells_mean,message,run\n"
@@ -168,10 +175,35 @@ def test_too_few_seeds_say_so_and_how_many_would_do(write):
     rows = rows_of("cat", "a", BASE[:4]) + rows_of("cat", "b", WORSE[:4])
     comparison = compare(table(write, rows))
     assert all(pair.better is None for pair in comparison.pairs)
-    assert "1 pair on 4 seeds cannot show a difference, however large; 6 seeds could" in " ".join(
-        method_lines(comparison)
-    )
+    assert limit_lines(comparison) == [
+        "HD at the end, cells; seconds to HD < 0.09; cells flown by an FLS: 1 pair on 4 seeds cannot show a "
+        "difference, however large; 6 seeds could."
+    ]
+    page = markdown(comparison, "mine")
+    assert page.index("cannot show") < page.index("no difference shown")
     assert "Student's t" in " ".join(method_lines(comparison))
+
+
+def test_what_is_never_negative_has_no_interval_below_0_but_its_differences_do(write):
+    comparison = compare(table(write, rows_of("cat", "a", [0.01, 0.1]) + rows_of("cat", "b", [0.02, 0.08])))
+    assert [row[2] for row in table_rows(comparison)[1:]] == ["0.055 [0, 0.627]", "0.05 [0, 0.431]"]
+    hd = next(pair for pair in comparison.pairs if pair.measure.column == "hd_cells")
+    assert hd.difference.low < 0
+
+
+def test_seeds_on_which_both_are_equal_are_seeds_that_could_have_shown_something(write):
+    comparison = compare(table(write, rows_of("cat", "a", BASE) + rows_of("cat", "b", BASE)))
+    assert limit_lines(comparison) == []
+    said = [line for line in statements(comparison) if "against" in line]
+    assert said == ["  b against a: the same on each of 8 seeds"] * 3
+
+
+def test_seeds_that_failed_cannot_show_anything(write):
+    """Of 8 seeds 5 have both: too few, and it is these that are counted."""
+    rows = rows_of("cat", "a", BASE) + rows_of("cat", "b", WORSE)
+    rows[8:11] = [(*row[:3], "failed", "", "", "", "out of memory", row[-1]) for row in rows[8:11]]
+    [line] = limit_lines(compare(table(write, rows)))
+    assert "1 pair on 5 seeds cannot show a difference, however large; 6 seeds could." in line
 
 
 def test_the_pages_say_the_same(write):
@@ -344,6 +376,14 @@ def test_a_comparison_from_its_options_to_its_pages(tmp_path):
     assert before == (
         (tmp_path / "o" / "pairs.csv").read_text(), (tmp_path / "o" / "figures" / "hd_cells.svg").read_text(),
     )  # fmt: skip
+
+
+def test_that_there_are_too_few_seeds_stands_before_what_they_do_not_show(tmp_path):
+    asked = ["--shape", "sphere", "--points", "12", "--engine", "rounds", "--seeds", "2", "--jobs", "1"]
+    out, _ = compared(*asked, "--vary", "epsilon_deg=1,5", "--out", "o", cwd=tmp_path)
+    text = " ".join(" ".join(out).split())
+    assert text.count("1 pair on 2 seeds cannot show a difference, however large; 6 seeds could.") == 1
+    assert text.index("cannot show") < text.index("no difference shown")
 
 
 def test_what_is_said_fits_the_terminal(write, tmp_path):

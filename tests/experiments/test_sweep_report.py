@@ -86,6 +86,16 @@ def test_what_is_drawn_are_medians_of_times_and_means_of_the_rest_over_the_seeds
     assert [axis.name for axis in swept(settings, cells)] == ["radio.loss", "lambda_ms"]
 
 
+def test_no_interval_that_is_drawn_begins_below_0(sweep):
+    from swarmer.experiments.results import read_results
+
+    settings, rows = read_results(
+        sweep(["eta"], [(3, 1, "done", 0.01, 5), (3, 2, "done", 0.1, 5)]) / "results.csv"
+    )
+    [cell] = cells_of(settings, rows, measures_of(rows))
+    assert cell.values["hd_cells"].low == 0
+
+
 def test_many_combinations_are_points_with_their_data(sweep):
     rows = [(0.01 * at, 50 * 1.1**at, seed, "done", 0.1 * at, at) for at in range(40) for seed in (1, 2)]
     page = write_sweep_report(sweep(["radio.loss", "lambda_ms"], rows)).read_text()

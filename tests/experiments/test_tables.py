@@ -67,3 +67,37 @@ def test_runs_that_the_machine_was_too_slow_for_are_counted(tmp_path):
     path = tmp_path / "results.csv"
     path.write_text("seed,status,faithful,run\n1,done,false,a\n2,done,true,b\n3,failed,false,c\n4,done,,d\n")
     assert unfaithful(path) == 1
+
+
+ROUNDS_HEAD = (
+    "engine,seed,status,emulated_s,hd_cells,time_to_hd_s.1,thaws,distance_cells_mean,wrong_thaws,datagrams_sent,"
+    "rounds,rounds_to_hd.0.09,run\n"
+)
+
+
+def test_a_sweep_in_rounds_has_rounds_and_no_column_of_dashes(tmp_path):
+    path = tmp_path / "results.csv"
+    rows = [f"rounds,{seed},done,,0.0{seed},,0,21.5,,,9,{3 + seed},r{seed}\n" for seed in (1, 2)]
+    path.write_text(ROUNDS_HEAD + "".join(rows))
+    table = table_of(path)
+    assert dict(zip(table.titles, table.rows[0], strict=True)) == {
+        "engine": "rounds", "runs": "2", "rounds to HD < 0.09": "4.5", "HD at the end, cells": "0.015 [0, 0.0785]",
+        "cells flown by an FLS": "21.5", "thaws": "0.0",
+    }  # fmt: skip
+
+
+def test_what_one_engine_cannot_have_is_a_dash_beside_what_another_has(tmp_path):
+    """Rounds never take seconds, which is not that they never got there."""
+    path = tmp_path / "results.csv"
+    path.write_text(
+        ROUNDS_HEAD + "rounds,1,done,,0.5,,0,21.5,,,9,,a\nvirtual,1,done,30,0.25,7,2,22,,500,,,b\n"
+    )
+    table = table_of(path)
+    assert table.titles == [
+        "engine", "runs", "HD < 1, s", "rounds to HD < 0.09", "HD at the end, cells", "cells flown by an FLS",
+        "thaws", "datagrams sent",
+    ]  # fmt: skip
+    assert table.rows == [
+        ["rounds", "1", "–", "never", "0.5", "21.5", "0.0", "–"],
+        ["virtual", "1", "7.0", "–", "0.25", "22", "2.0", "500"],
+    ]

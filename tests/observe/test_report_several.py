@@ -69,6 +69,17 @@ def test_a_group_of_all_points_of_a_shape_says_how_many(six):
     assert groups_of(runs)[0][1].label == "points all"
 
 
+def test_the_engine_is_named_where_it_differs_whatever_else_tells_runs_apart(six):
+    runs = [load(path) for path in six[:2]]
+    runs[0].config |= {"points": 60, "engine": "virtual"}
+    runs[1].config |= {"points": 100, "engine": "rounds"}
+    assert list(runs[0].config).index("points") < list(runs[0].config).index("engine")
+    assert [group.label for group in groups_of(runs)[0]] == [
+        "engine virtual, points 60",
+        "engine rounds, points 100",
+    ]
+
+
 def test_several_runs_are_compared(six, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = write_report(six).read_text()
