@@ -95,6 +95,25 @@ def test_what_is_said_of_it(run):
     assert " rounds in " in said
 
 
+@pytest.mark.parametrize(
+    ("arguments", "missed"),
+    [
+        (["--rounds", "2"], "the HD asked for was not reached"),
+        (["--set", "rounds.max_thaws=0"], "the HD asked for was not reached at a single swarm"),
+        (["--until-hd", "0.5"], None),
+        (["--until-hd", "0.0001", "--rounds", "2"], "the HD asked for was not reached"),
+        (["--set", "rounds.stop=none", "--rounds", "9"], None),
+        (["--set", "rounds.stop=none", "--set", "rounds.max_thaws=1"], None),
+    ],
+)
+def test_not_converged_is_said_where_an_hd_was_asked_for_and_missed(tmp_path, arguments, missed):
+    arguments = ["--engine", "rounds", "--shape", "butterfly", "--no-recording", *arguments]
+    done = swarmer_run(*arguments, "--out", "run", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    said = [line.strip() for line in done.stderr.splitlines() if "not converged" in line]
+    assert said == ([] if missed is None else [f"not converged: {missed}"])
+
+
 def test_its_settings_run_again_to_the_same(run, tmp_path):
     again = perform(load_config(run[0] / "config.yaml"), tmp_path / "again")
     assert again.status == "done"

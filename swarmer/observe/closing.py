@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from swarmer.observe.run_directory import RECORDING, TIMELINE
 from swarmer.observe.saved_run import existing
 from swarmer.observe.viewer import display_available
 from swarmer.observe.words import cells, count, seconds, wrapped
 
+if TYPE_CHECKING:
+    from swarmer.config import RunConfig
+
 ENDED = {"done": "done", "interrupted": "interrupted", "failed": "failed"}
 COLUMN = 10  # characters of a threshold in the table
 
 
 def closing_lines(
-    summary: dict[str, Any], run_dir: Path, program: str = "swarmer", width: int = 80
+    summary: dict[str, Any], run_dir: Path, program: str = "swarmer", width: int = 80, missed: bool = False
 ) -> list[str]:
-    """Lines of at most `width` columns, but for the commands. summary: as written; program: how the shell finds us."""
+    """Lines of at most `width` columns, but for the commands. summary: as written; program: how the shell finds us.
+
+    missed: see `missed_hd`.
+    """
     lines = [_head(summary)]
     if summary.get("message"):
         lines.append(f"  {summary['message']}")
@@ -39,6 +45,7 @@ def closing_lines(
             f"  then {summary.get('next_shape')}, from {seconds(summary.get('next_at_s'))} on; HD after that"
         )
         lines += _table(summary["next_time_to_hd_s"], width)
+    lines += _missed(summary) if missed else []
     lines += _trust(summary)
     return [part for line in lines for part in wrapped(line, width)] + _next(run_dir, program)
 
@@ -90,12 +97,22 @@ def _round(value: float | None) -> str:
     return "never" if value is None else f"{value:.0f}"
 
 
+def missed_hd(summary: dict[str, Any], config: RunConfig) -> bool:
+    """Was a run in rounds to go on until an HD that it has not got?"""
+    if summary.get("rounds") is None or summary.get("converged") or config.rounds.stop != "hd":
+        return False
+    last, until = summary.get("hd_cells"), config.until_hd_cells
+    return last is None or until is None or last >= until
+
+
+def _missed(summary: dict[str, Any]) -> list[str]:
+    where = " at a single swarm" if summary.get("formation_rounds") else ""
+    return [f"  not converged: the HD asked for was not reached{where}"]
+
+
 def _trust(summary: dict[str, Any]) -> list[str]:
     if summary.get("rounds") is not None:
-        where = " at a single swarm" if summary.get("formation_rounds") else ""
-        return (
-            [] if summary.get("converged") else [f"  not converged: the HD asked for was not reached{where}"]
-        )
+        return []
     if summary.get("faithful") is None:
         return (
             [] if summary.get("handled_late_ms") else ["  not known to be faithful: no message was handled"]
