@@ -74,7 +74,8 @@ def test_the_summary_counts_rounds_and_has_no_clock(run):
     assert reached == sorted(reached)
     assert reached[-1] <= summary["rounds"] <= 40
     assert summary["first_single_swarm_round"] == summary["formation_rounds"][0]
-    assert summary["thaws"] == len(summary["formation_rounds"]) - 1
+    assert summary["single_swarm_count"] == len(summary["formation_rounds"])
+    assert summary["thaws_at_one_swarm"] == summary["thaws"] == len(summary["formation_rounds"]) - 1
     for name in (
         "emulated_s",
         "time_to_hd_s",

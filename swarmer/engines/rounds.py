@@ -171,7 +171,7 @@ class _Run:
             "localizations": sum(row.localizing for row in self.rows),
             "anchorings": sum(row.anchors for row in self.rows),
             "thaws": self.thaws,
-            "thaws_at_one_swarm": len(self.formations),
+            "thaws_at_one_swarm": self.thaws,  # every one is, but the last formation may end the run
             "distance_cells": self.world.flown_cells,
             "localizing_cells": sum(row.localizing_cells for row in self.rows),
             "following_cells": sum(row.swarm_cells for row in self.rows),
@@ -189,6 +189,7 @@ class _Run:
             "converged": self.converged,
             "first_single_swarm_round": self.formations[0] if self.formations else None,
             "formation_rounds": self.formations,
+            "single_swarm_count": len(self.formations),  # also where two rounds in a row ended with one
             "distance_localizing_cells": result.counters["localizing_cells"],
             "distance_swarm_cells": result.counters["following_cells"],
         }
