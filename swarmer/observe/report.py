@@ -146,7 +146,7 @@ def derived_summary(run: SavedRun) -> dict[str, Any]:
         engine, report_words.UNFINISHED, float(timeline.t_s[-1]), float("nan"), counters=counters
     )
     result.first_single_swarm_s = first_single_swarm(run.events, timeline)
-    seed = run.config.get("seed", run.manifest.get("seed", 0))
+    seed = run.config.get("seed", run.manifest.get("seed"))
     points = int(standings[0].member.sum())
     return make_summary(progress, result, run.shape, points, seed, len(timeline.truth))
 

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from swarmer.config import load_config, setting_facts
 from swarmer.errors import SwarmerError
+from swarmer.observe.progress import LIT_MIN
 from swarmer.observe.report_drawing import ROUNDS, SECONDS, Clock, clock_of
 from swarmer.observe.report_page import Part, esc, scrolling, table
 from swarmer.observe.report_values import html_of, text_of
@@ -105,7 +106,8 @@ def _since(summary: dict[str, Any], name: str, changed: bool = False) -> str:
     last, share = summary.get("hd_cells"), summary.get("lit_share")
     points = summary.get("next_points" if changed else "points")
     if last is None:
-        return ", but too few are lit at the end"
+        few = share is not None and points is not None and share * points < LIT_MIN
+        return ", but too few are lit at the end" if few else "; how far away it ended is not known"
     lit = (
         f" with {share * points:.0f} of {count(points)} lit"
         if share is not None and points and share < 1
@@ -210,7 +212,7 @@ def lead(run: SavedRun) -> str:
     parts = [
         str(summary.get("status", "nothing whole")),
         f"engine {summary.get('engine', '?')}",
-        f"seed {summary.get('seed', '?')}",
+        f"seed {'?' if summary.get('seed') is None else summary['seed']}",
     ]
     if (spent := length_of(summary)) is not None:
         parts.append(

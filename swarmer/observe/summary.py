@@ -131,7 +131,7 @@ def transition_facts(plan: Plan) -> dict[str, Any]:
 
 
 def make_summary(
-    progress: Progress, result: RunResult, shape: str, points: int, seed: int, flss: int | None = None
+    progress: Progress, result: RunResult, shape: str, points: int, seed: int | None, flss: int | None = None
 ) -> dict[str, Any]:
     """Every name of summary.json; no value is NaN or infinite.
 

@@ -100,6 +100,15 @@ def test_a_run_killed_in_its_first_second_has_left_samples(tmp_path, fake):
     assert len(load(tmp_path / "run").timeline.t_s) >= 5
 
 
+def test_a_seed_that_nothing_tells_is_not_made_up(finished_run, tmp_path, quick):
+    run = shutil.copytree(finished_run, tmp_path / "run")
+    for name in ("config.yaml", "manifest.json", "summary.json"):
+        (run / name).unlink()
+    page = make_report([load(run)])
+    assert "unfinished, engine ?, seed ?, " in page
+    assert "None" not in page
+
+
 def test_killed_run_is_reported_from_its_streams(tmp_path, fake):
     from swarmer.observe.collector import Collector
     from swarmer.observe.run_directory import RunDirectory

@@ -379,7 +379,14 @@ VERDICTS = [
         {"hd_min_cells": 0.05, "hd_cells": 4.0, "time_to_hd_s": {"0.1": 7.0, "1": 3.0}},
         "but ended 4.00 cells away",
     ),
-    ({"hd_min_cells": 0.05, "time_to_hd_s": {"0.1": 7.0}}, "too few are lit at the end"),
+    (
+        {"hd_min_cells": 0.05, "time_to_hd_s": {"0.1": 7.0}, "points": 100, "lit_share": 0.01},
+        "after 7.0 s, but too few are lit at the end.",
+    ),
+    (
+        {"hd_min_cells": 0.05, "time_to_hd_s": {"0.1": 7.0}, "points": 100, "lit_share": 1.0},
+        "after 7.0 s; how far away it ended is not known.",
+    ),
     ({"faithful": False, "engine": "process"}, "this machine was too slow, so do not trust the times"),
     ({"faithful": False, "engine": "virtual"}, "the FLSs could not keep up"),
     ({"faithful": True}, "the run can be trusted"),
