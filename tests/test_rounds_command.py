@@ -13,6 +13,7 @@ from swarmer.config import load_config, setting_facts
 from swarmer.engines.named import make_engine
 from swarmer.errors import BadInput
 from swarmer.experiments.one_run import perform
+from swarmer.observe.report import write_report
 from swarmer.plan import make_plan
 
 SWARMER = Path(__file__).resolve().parent.parent / "swarmer"
@@ -113,6 +114,46 @@ def test_not_converged_is_said_where_an_hd_was_asked_for_and_missed(tmp_path, ar
     assert done.returncode == 0, done.stderr
     said = [line.strip() for line in done.stderr.splitlines() if "not converged" in line]
     assert said == ([] if missed is None else [f"not converged: {missed}"])
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_nothing_is_said_of_the_swarms_of_a_yardstick(tmp_path, killed):
+    arguments = [
+        "--engine",
+        "rounds",
+        "--shape",
+        "butterfly",
+        "--set",
+        "technique=triangulation",
+        "--rounds",
+        "9",
+    ]
+    done = swarmer_run(*arguments, "--no-recording", "--out", "run", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "swarm" not in "".join(line for line in done.stderr.splitlines() if " HD " in line)
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert {summary[name] for name in ("swarms_last", "single_swarm_count", "thaws_at_one_swarm")} == {None}
+    if killed:
+        (tmp_path / "run" / "summary.json").unlink()
+    page = write_report([tmp_path / "run"]).read_text("utf-8")
+    said = (
+        "by then the 94 FLSs had not formed the shape"
+        if killed
+        else "<p class=verdict>The 94 FLSs did not form"
+    )
+    assert said in page
+    assert "this report cannot say why: runs in rounds keep none" in page
+    for words in (
+        "one swarm<",
+        "one swarm and",
+        "--engine virtual",
+        "swarms in a group",
+        "One colour a swarm;",
+        "<span>thaws<",
+    ):
+        assert words not in page, words
+    for figure in ("swarms", "cycles", "sizes"):
+        assert f'<figure id="{figure}"' not in page
 
 
 def test_its_settings_run_again_to_the_same(run, tmp_path):

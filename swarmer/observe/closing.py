@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from swarmer.observe.run_directory import RECORDING, TIMELINE
 from swarmer.observe.saved_run import existing
+from swarmer.observe.summary import has_swarms
 from swarmer.observe.viewer import display_available
 from swarmer.observe.words import cells, count, seconds, wrapped
 
@@ -34,7 +35,7 @@ def closing_lines(
             "see events.csv"
         )
     lines.append(
-        f"  HD {cells(summary.get('hd_cells'))} cells at the end, lowest {cells(summary.get('hd_min_cells'))}; "
+        f"  HD {cells(summary.get('hd_cells'))} cells at the end, lowest {cells(summary.get('hd_min_cells'))}"
         f"{_swarms(summary)}"
     )
     lines += _lit(summary)
@@ -61,12 +62,14 @@ def _head(summary: dict[str, Any]) -> str:
 
 
 def _swarms(summary: dict[str, Any]) -> str:
+    if not has_swarms(summary):
+        return ""
     first, first_round = summary.get("first_single_swarm_s"), summary.get("first_single_swarm_round")
     if first is None and first_round is None:
-        return f"never all one swarm ({count(summary.get('swarms_last'))} at the end)"
+        return f"; never all one swarm ({count(summary.get('swarms_last'))} at the end)"
     number = summary.get("single_swarm_count") or 1
     when = seconds(first) if first_round is None else f"round {first_round}"
-    return f"one swarm at {when}" + (f", {number} ×" if number > 1 else "")
+    return f"; one swarm at {when}" + (f", {number} ×" if number > 1 else "")
 
 
 def _lit(summary: dict[str, Any]) -> list[str]:

@@ -28,7 +28,7 @@ from swarmer.observe.report_several import several
 from swarmer.observe.run_directory import REPORT
 from swarmer.observe.saved_run import SavedRun, load
 from swarmer.observe.saved_timeline import SavedTimeline
-from swarmer.observe.summary import make_summary
+from swarmer.observe.summary import has_swarms, make_summary
 
 RUNS_MAX = 24
 AT_ONE_SWARM = ("thaw", "one swarm")  # kind and text of the event
@@ -50,6 +50,12 @@ FIGURES: tuple[Callable[[RunData], Figure | Absent | None], ...] = (
     report_costs.fidelity_figure,
     report_figures.clouds_figure,
 )
+OF_SWARMS = {
+    report_figures.swarms_figure,
+    report_figures.formation_figure,
+    report_figures.cycles_figure,
+    report_figures.sizes_figure,
+}
 
 
 def figures_part(run: SavedRun) -> Part | None:
@@ -57,10 +63,11 @@ def figures_part(run: SavedRun) -> Part | None:
     data = data_of(run)
     if data is None:
         return None
+    made = [make for make in FIGURES if has_swarms(run.summary) or make not in OF_SWARMS]
     return Part(
         "figures",
         "Figures",
-        report_page.figures([one for make in FIGURES if (one := make(data)) is not None]),
+        report_page.figures([one for make in made if (one := make(data)) is not None]),
     )
 
 
@@ -87,7 +94,7 @@ def write_report(paths: list[Path], out: Path | None = None) -> Path:
     twice = next((path for i, path in enumerate(paths) if path.resolve() in _resolved(paths[:i])), None)
     if twice is not None:
         raise BadInput("run", str(twice), "each run once: it is named twice, and would count as two seeds")
-    runs = [load(path) for path in paths]
+    runs = [summed_up(load(path)) for path in paths]
     if out is None:
         out = paths[0] / REPORT if len(paths) == 1 else Path(REPORT)
     refuse_foreign(out)
@@ -102,10 +109,14 @@ def _resolved(paths: Sequence[Path]) -> list[Path]:
 
 def make_report(runs: list[SavedRun], cause: Sequence[Part] = ()) -> str:
     """The page as a text. cause: of one run, the part on why HD rose."""
-    for run in runs:
-        if not run.summary:
-            run.summary = derived_summary(run)
+    runs = [summed_up(run) for run in runs]
     return single(runs[0], cause) if len(runs) == 1 else several(runs)
+
+
+def summed_up(run: SavedRun) -> SavedRun:
+    """The run, with a summary of what there is if it left none."""
+    run.summary = run.summary or derived_summary(run)
+    return run
 
 
 def single(run: SavedRun, cause: Sequence[Part] = ()) -> str:

@@ -303,6 +303,7 @@ def test_a_run_of_rounds_is_told_in_rounds(finished_run, tmp_path):
     run.summary = nothing | {
         "format": 1, "engine": "rounds", "shape": "ball", "points": 40, "seed": 1, "status": "done", "rounds": 21,
         "hd_cells": 0.05, "hd_min_cells": 0.05, "first_single_swarm_round": 5, "single_swarm_count": 4,
+        "thaws_at_one_swarm": 3,
         "rounds_to_hd": {"1": 12, "0.1": 20, "0.09": 21, "0.01": None}, "time_to_hd_s": dict.fromkeys(("1", "0.1")),
     }  # fmt: skip
     run.timeline.series = {}
