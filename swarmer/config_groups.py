@@ -342,7 +342,7 @@ class Rounds(Group):
     max_rounds: int = whole(100, "", 1, FAR, "rounds at most", only="rounds")
     stop: Literal["hd", "none"] = choice(
         "hd",
-        "end at a single swarm whose Hausdorff distance is low enough, or not before max_rounds",
+        "end at a single swarm whose Hausdorff distance is low enough, or only by max_rounds and max_thaws",
         only="rounds",
     )
     stop_hd_cells: float = number(

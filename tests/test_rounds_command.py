@@ -13,6 +13,7 @@ from swarmer.config import load_config, setting_facts
 from swarmer.engines.named import make_engine
 from swarmer.errors import BadInput
 from swarmer.experiments.one_run import perform
+from swarmer.observe.report import write_report
 from swarmer.plan import make_plan
 
 SWARMER = Path(__file__).resolve().parent.parent / "swarmer"
@@ -74,7 +75,8 @@ def test_the_summary_counts_rounds_and_has_no_clock(run):
     assert reached == sorted(reached)
     assert reached[-1] <= summary["rounds"] <= 40
     assert summary["first_single_swarm_round"] == summary["formation_rounds"][0]
-    assert summary["thaws"] == len(summary["formation_rounds"]) - 1
+    assert summary["single_swarm_count"] == len(summary["formation_rounds"])
+    assert summary["thaws_at_one_swarm"] == summary["thaws"] == len(summary["formation_rounds"]) - 1
     for name in (
         "emulated_s",
         "time_to_hd_s",
@@ -93,6 +95,65 @@ def test_what_is_said_of_it(run):
     assert "note: lambda_ms: no effect with the engine rounds, which plays no protocol" in said
     assert "one swarm at round " in said
     assert " rounds in " in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "missed"),
+    [
+        (["--rounds", "2"], "the HD asked for was not reached"),
+        (["--set", "rounds.max_thaws=0"], "the HD asked for was not reached at a single swarm"),
+        (["--until-hd", "0.5"], None),
+        (["--until-hd", "0.0001", "--rounds", "2"], "the HD asked for was not reached"),
+        (["--set", "rounds.stop=none", "--rounds", "9"], None),
+        (["--set", "rounds.stop=none", "--set", "rounds.max_thaws=1"], None),
+    ],
+)
+def test_not_converged_is_said_where_an_hd_was_asked_for_and_missed(tmp_path, arguments, missed):
+    arguments = ["--engine", "rounds", "--shape", "butterfly", "--no-recording", *arguments]
+    done = swarmer_run(*arguments, "--out", "run", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    said = [line.strip() for line in done.stderr.splitlines() if "not converged" in line]
+    assert said == ([] if missed is None else [f"not converged: {missed}"])
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_nothing_is_said_of_the_swarms_of_a_yardstick(tmp_path, killed):
+    arguments = [
+        "--engine",
+        "rounds",
+        "--shape",
+        "butterfly",
+        "--set",
+        "technique=triangulation",
+        "--rounds",
+        "9",
+    ]
+    done = swarmer_run(*arguments, "--no-recording", "--out", "run", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "swarm" not in "".join(line for line in done.stderr.splitlines() if " HD " in line)
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert {summary[name] for name in ("swarms_last", "single_swarm_count", "thaws_at_one_swarm")} == {None}
+    if killed:
+        (tmp_path / "run" / "summary.json").unlink()
+    page = write_report([tmp_path / "run"]).read_text("utf-8")
+    said = (
+        "by then the 94 FLSs had not formed the shape"
+        if killed
+        else "<p class=verdict>The 94 FLSs did not form"
+    )
+    assert said in page
+    assert "this report cannot say why: runs in rounds keep none" in page
+    for words in (
+        "one swarm<",
+        "one swarm and",
+        "--engine virtual",
+        "swarms in a group",
+        "One colour a swarm;",
+        "<span>thaws<",
+    ):
+        assert words not in page, words
+    for figure in ("swarms", "cycles", "sizes"):
+        assert f'<figure id="{figure}"' not in page
 
 
 def test_its_settings_run_again_to_the_same(run, tmp_path):

@@ -175,7 +175,7 @@ def run(
         if tracer:
             tracer.close(result)
     summary = collector.finish(result)
-    return close(summary, directory.path, as_json, collector)
+    return close(summary, directory.path, as_json, collector, config)
 
 
 def play(engine: Any, collector: Collector, begin: Callable[[], None]) -> RunResult:
@@ -209,16 +209,17 @@ def _say(text: str) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the flush at the end is quiet, too
 
 
-def close(summary: dict[str, Any], path: Path, as_json: bool, collector: Collector) -> int:
+def close(summary: dict[str, Any], path: Path, as_json: bool, collector: Collector, config: RunConfig) -> int:
     """The last words, and the exit status."""
-    from swarmer.observe.closing import closing_lines
+    from swarmer.observe.closing import closing_lines, missed_hd
     from swarmer.observe.violation import violation_lines
     from swarmer.observe.words import columns_of
 
     program = program_beside_python()
     for line in violation_lines(summary, path, program):
         click.echo(line, err=True)
-    for line in closing_lines(summary, path, program, columns_of(sys.stderr)):
+    missed = missed_hd(summary, config)
+    for line in closing_lines(summary, path, program, columns_of(sys.stderr), missed):
         click.echo(line, err=True)
     _say(json.dumps(summary, allow_nan=False) if as_json else str(path))
     if collector.failure is not None:

@@ -167,11 +167,13 @@ class _Run:
         self.observer.event(Event(float(self.number), kind, 0, text))
 
     def _counters(self) -> dict[str, float]:
+        swarms = self.technique.references == 1
         return {
             "localizations": sum(row.localizing for row in self.rows),
             "anchorings": sum(row.anchors for row in self.rows),
             "thaws": self.thaws,
-            "thaws_at_one_swarm": len(self.formations),
+            # Every one is, but the last formation may end the run.
+            **({"thaws_at_one_swarm": self.thaws} if swarms else {}),
             "distance_cells": self.world.flown_cells,
             "localizing_cells": sum(row.localizing_cells for row in self.rows),
             "following_cells": sum(row.swarm_cells for row in self.rows),
@@ -192,7 +194,11 @@ class _Run:
             "distance_localizing_cells": result.counters["localizing_cells"],
             "distance_swarm_cells": result.counters["following_cells"],
         }
-        if self.technique.references != 1:  # no swarms: the HD at the end says it
+        if self.technique.references == 1:
+            result.extra["single_swarm_count"] = len(
+                self.formations
+            )  # also where two rounds in a row made one
+        else:  # no swarms: the HD at the end says it
             hd = self.rows[-1].hd_cells
             result.extra["converged"] = hd is not None and hd < self.settings.stop_hd_cells
         if self.technique.references > 1:

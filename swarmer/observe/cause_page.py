@@ -40,6 +40,7 @@ from swarmer.observe.run_directory import CAUSE, REPORT, TRACE
 from swarmer.observe.saved_run import SavedRun, existing
 from swarmer.observe.saved_timeline import SavedTimeline
 from swarmer.observe.story import scenes
+from swarmer.observe.summary import has_swarms
 from swarmer.observe.trace_file import Record, TraceFile
 from swarmer.observe.words import cells
 
@@ -132,13 +133,19 @@ def _without_log(run: SavedRun) -> str:
         rises(timeline, SHOWN_IN_REPORT) if timeline is not None and len(timeline.t_s) else ([], 0)
     )
     items = "".join(f"<li>{escape(_said(rise, clock_of(run)))} {escape(_who(rise))}</li>" for rise in found)
-    config = shlex.quote(str(run.path / "config.yaml"))
-    command = f"swarmer-run --config {config} --engine virtual --trace"
     return (
         f"{_lead_of(in_all, bool(items))}{f'<ol>{items}</ol>' if items else ''}"
-        "<p>This run has no event log, so this report cannot say why. The same settings in virtual time keep one; "
-        f"report that run:</p><pre>{escape(command)}</pre>"
+        f"<p>This run has no event log, so this report cannot say why{_with_log(run)}"
     )
+
+
+def _with_log(run: SavedRun) -> str:
+    """Which run would have a log; virtual time refuses most techniques that have no swarms in rounds."""
+    if not has_swarms(run.summary):
+        return ": runs in rounds keep none.</p>"
+    config = shlex.quote(str(run.path / "config.yaml"))
+    command = f"swarmer-run --config {config} --engine virtual --trace"
+    return f". The same settings in virtual time keep one; report that run:</p><pre>{escape(command)}</pre>"
 
 
 def _who(rise: Rise) -> str:

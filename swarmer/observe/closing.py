@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from swarmer.observe.run_directory import RECORDING, TIMELINE
 from swarmer.observe.saved_run import existing
+from swarmer.observe.summary import has_swarms
 from swarmer.observe.viewer import display_available
 from swarmer.observe.words import cells, count, seconds, wrapped
+
+if TYPE_CHECKING:
+    from swarmer.config import RunConfig
 
 ENDED = {"done": "done", "interrupted": "interrupted", "failed": "failed"}
 COLUMN = 10  # characters of a threshold in the table
 
 
 def closing_lines(
-    summary: dict[str, Any], run_dir: Path, program: str = "swarmer", width: int = 80
+    summary: dict[str, Any], run_dir: Path, program: str = "swarmer", width: int = 80, missed: bool = False
 ) -> list[str]:
-    """Lines of at most `width` columns, but for the commands. summary: as written; program: how the shell finds us."""
+    """Lines of at most `width` columns, but for the commands. summary: as written; program: how the shell finds us.
+
+    missed: see `missed_hd`.
+    """
     lines = [_head(summary)]
     if summary.get("message"):
         lines.append(f"  {summary['message']}")
@@ -28,7 +35,7 @@ def closing_lines(
             "see events.csv"
         )
     lines.append(
-        f"  HD {cells(summary.get('hd_cells'))} cells at the end, lowest {cells(summary.get('hd_min_cells'))}; "
+        f"  HD {cells(summary.get('hd_cells'))} cells at the end, lowest {cells(summary.get('hd_min_cells'))}"
         f"{_swarms(summary)}"
     )
     lines += _lit(summary)
@@ -39,6 +46,7 @@ def closing_lines(
             f"  then {summary.get('next_shape')}, from {seconds(summary.get('next_at_s'))} on; HD after that"
         )
         lines += _table(summary["next_time_to_hd_s"], width)
+    lines += _missed(summary) if missed else []
     lines += _trust(summary)
     return [part for line in lines for part in wrapped(line, width)] + _next(run_dir, program)
 
@@ -54,12 +62,14 @@ def _head(summary: dict[str, Any]) -> str:
 
 
 def _swarms(summary: dict[str, Any]) -> str:
+    if not has_swarms(summary):
+        return ""
     first, first_round = summary.get("first_single_swarm_s"), summary.get("first_single_swarm_round")
     if first is None and first_round is None:
-        return f"never all one swarm ({count(summary.get('swarms_last'))} at the end)"
+        return f"; never all one swarm ({count(summary.get('swarms_last'))} at the end)"
     number = summary.get("single_swarm_count") or 1
     when = seconds(first) if first_round is None else f"round {first_round}"
-    return f"one swarm at {when}" + (f", {number} ×" if number > 1 else "")
+    return f"; one swarm at {when}" + (f", {number} ×" if number > 1 else "")
 
 
 def _lit(summary: dict[str, Any]) -> list[str]:
@@ -90,12 +100,22 @@ def _round(value: float | None) -> str:
     return "never" if value is None else f"{value:.0f}"
 
 
+def missed_hd(summary: dict[str, Any], config: RunConfig) -> bool:
+    """Was a run in rounds to go on until an HD that it has not got?"""
+    if summary.get("rounds") is None or summary.get("converged") or config.rounds.stop != "hd":
+        return False
+    last, until = summary.get("hd_cells"), config.until_hd_cells
+    return last is None or until is None or last >= until
+
+
+def _missed(summary: dict[str, Any]) -> list[str]:
+    where = " at a single swarm" if summary.get("formation_rounds") else ""
+    return [f"  not converged: the HD asked for was not reached{where}"]
+
+
 def _trust(summary: dict[str, Any]) -> list[str]:
     if summary.get("rounds") is not None:
-        where = " at a single swarm" if summary.get("formation_rounds") else ""
-        return (
-            [] if summary.get("converged") else [f"  not converged: the HD asked for was not reached{where}"]
-        )
+        return []
     if summary.get("faithful") is None:
         return (
             [] if summary.get("handled_late_ms") else ["  not known to be faithful: no message was handled"]

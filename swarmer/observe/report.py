@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from swarmer.engines.result import Live, RunResult, Snapshot
+from swarmer.engines.result import Event, Live, RunResult, Snapshot
 from swarmer.errors import BadInput
 from swarmer.observe import report_costs, report_figures, report_page, report_rounds, report_words
 from swarmer.observe.cause_page import write_cause
@@ -27,9 +27,11 @@ from swarmer.observe.report_scene import scene_part
 from swarmer.observe.report_several import several
 from swarmer.observe.run_directory import REPORT
 from swarmer.observe.saved_run import SavedRun, load
-from swarmer.observe.summary import make_summary
+from swarmer.observe.saved_timeline import SavedTimeline
+from swarmer.observe.summary import has_swarms, make_summary
 
 RUNS_MAX = 24
+AT_ONE_SWARM = ("thaw", "one swarm")  # kind and text of the event
 
 FIGURES: tuple[Callable[[RunData], Figure | Absent | None], ...] = (
     report_figures.hd_figure,
@@ -48,6 +50,12 @@ FIGURES: tuple[Callable[[RunData], Figure | Absent | None], ...] = (
     report_costs.fidelity_figure,
     report_figures.clouds_figure,
 )
+OF_SWARMS = {
+    report_figures.swarms_figure,
+    report_figures.formation_figure,
+    report_figures.cycles_figure,
+    report_figures.sizes_figure,
+}
 
 
 def figures_part(run: SavedRun) -> Part | None:
@@ -55,10 +63,11 @@ def figures_part(run: SavedRun) -> Part | None:
     data = data_of(run)
     if data is None:
         return None
+    made = [make for make in FIGURES if has_swarms(run.summary) or make not in OF_SWARMS]
     return Part(
         "figures",
         "Figures",
-        report_page.figures([one for make in FIGURES if (one := make(data)) is not None]),
+        report_page.figures([one for make in made if (one := make(data)) is not None]),
     )
 
 
@@ -85,7 +94,7 @@ def write_report(paths: list[Path], out: Path | None = None) -> Path:
     twice = next((path for i, path in enumerate(paths) if path.resolve() in _resolved(paths[:i])), None)
     if twice is not None:
         raise BadInput("run", str(twice), "each run once: it is named twice, and would count as two seeds")
-    runs = [load(path) for path in paths]
+    runs = [summed_up(load(path)) for path in paths]
     if out is None:
         out = paths[0] / REPORT if len(paths) == 1 else Path(REPORT)
     refuse_foreign(out)
@@ -100,10 +109,14 @@ def _resolved(paths: Sequence[Path]) -> list[Path]:
 
 def make_report(runs: list[SavedRun], cause: Sequence[Part] = ()) -> str:
     """The page as a text. cause: of one run, the part on why HD rose."""
-    for run in runs:
-        if not run.summary:
-            run.summary = derived_summary(run)
+    runs = [summed_up(run) for run in runs]
     return single(runs[0], cause) if len(runs) == 1 else several(runs)
+
+
+def summed_up(run: SavedRun) -> SavedRun:
+    """The run, with a summary of what there is if it left none."""
+    run.summary = run.summary or derived_summary(run)
+    return run
 
 
 def single(run: SavedRun, cause: Sequence[Part] = ()) -> str:
@@ -123,7 +136,7 @@ def single(run: SavedRun, cause: Sequence[Part] = ()) -> str:
 
 
 def derived_summary(run: SavedRun) -> dict[str, Any]:
-    """What the timeline alone tells of a run that left no summary; empty without a timeline."""
+    """What timeline and events tell of a run that left no summary; empty without a timeline."""
     timeline = run.timeline
     if timeline is None or not len(timeline.t_s):
         return {}
@@ -143,9 +156,29 @@ def derived_summary(run: SavedRun) -> dict[str, Any]:
     result = RunResult(
         engine, report_words.UNFINISHED, float(timeline.t_s[-1]), float("nan"), counters=counters
     )
-    seed = run.config.get("seed", run.manifest.get("seed", 0))
+    result.first_single_swarm_s = first_single_swarm(run.events, timeline)
+    seed = run.config.get("seed", run.manifest.get("seed"))
     points = int(standings[0].member.sum())
     return make_summary(progress, result, run.shape, points, seed, len(timeline.truth))
+
+
+def first_single_swarm(events: Sequence[Event], timeline: SavedTimeline) -> float | None:
+    """When all were one swarm for the first time, by what was written down up to the last sample; None: not at all.
+
+    A thaw at one swarm ends it before a sample shows it, but is counted; the engine tells of the centralized ones.
+    Other thaws may have begun by the clock.
+    """
+    counted = timeline.series.get("thaws_at_one_swarm", np.zeros(0))
+    known = [
+        event.t_s
+        for event in events
+        if event.kind == "single_swarm" or (event.kind, event.text) == AT_ONE_SWARM
+    ]
+    if (seen := np.flatnonzero(counted > 0)).size:
+        counted_s = float(timeline.t_s[seen[0]])
+        begun = [event.t_s for event in events if event.kind == "thaw" and event.t_s <= counted_s]
+        known.append(max(begun, default=counted_s))
+    return min((t_s for t_s in known if t_s <= timeline.t_s[-1]), default=None)
 
 
 def refuse_foreign(out: Path) -> None:

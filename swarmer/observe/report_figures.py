@@ -27,6 +27,7 @@ from swarmer.observe.report_drawing import (
 from swarmer.observe.report_marks import draw_marks, over_run, said_of
 from swarmer.observe.report_words import moment, reached_of
 from swarmer.observe.saved_timeline import SavedTimeline
+from swarmer.observe.summary import has_swarms
 from swarmer.observe.words import cells, swarms
 from swarmer.shapes.views import seen_from, usual_view
 
@@ -364,7 +365,8 @@ def clouds_figure(data: RunData, key: str = "clouds") -> Figure:
             )
 
     alt = "; ".join(
-        f"{title}, {data.clock.say(timeline.t_s[at])}: {swarms(int(data.swarms[at]))}, "
+        f"{title}, {data.clock.say(timeline.t_s[at])}: "
+        f"{swarms(int(data.swarms[at])) + ', ' if has_swarms(data.run.summary) else ''}"
         f"HD {cells(timeline.hd_cells[at])} cells"
         for title, at in moments
     )
@@ -374,7 +376,8 @@ def clouds_figure(data: RunData, key: str = "clouds") -> Figure:
     rows = columns_of(fids, *truth.T, *timeline.position[at][every].T, timeline.swarm[at][every])
     titles = ["fid", "truth_l", "truth_h", "truth_d", "l", "h", "d", "swarm"]
     which = "every FLS" if len(rows) == data.points else f"{len(rows):,} FLSs"
-    caption = f"One colour a swarm; grey: where the FLSs belong. The CSV has {which} at the end, in cells."
+    colours = "One colour a swarm; grey" if has_swarms(data.run.summary) else "Grey"
+    caption = f"{colours}: where the FLSs belong. The CSV has {which} at the end, in cells."
     return Figure(
         key, "The display at two moments", svg_of(key, alt, draw, height=2.9), caption, alt, titles, rows
     )  # fmt: skip

@@ -21,6 +21,7 @@ from swarmer.observe.report_drawing import (
 )
 from swarmer.observe.run_directory import ROUNDS
 from swarmer.observe.saved_run import BROKEN, SavedRun
+from swarmer.observe.summary import has_swarms
 from swarmer.observe.words import cells
 
 if TYPE_CHECKING:
@@ -42,39 +43,36 @@ def read_rounds(run: SavedRun) -> Rounds:
 
 
 def merging_figure(run: SavedRun) -> Figure | Absent | None:
-    """Who localizes and who anchors in each round, and how many swarms merge at one anchor."""
+    """Who localizes and who anchors in each round, and how many swarms merge at one anchor, where there are swarms."""
     rounds = read_rounds(run)
     if not {"round", "localizing", "anchors", "group_mean", "group_max"} <= rounds.keys():
         return None
     number, clock = rounds["round"][1:], clock_of(run)
     counts = [rounds[name][1:] for name in ("localizing", "anchors")]
-    groups = [rounds[name][1:] for name in ("group_mean", "group_max")]
+    names = ("group_mean", "group_max") if has_swarms(run.summary) else ()
+    groups = [rounds[name][1:] for name in names]
 
     def draw(canvas: Canvas) -> None:
-        above, below = canvas.subplots(2, 1, sharex=True)
-        for i, (label, values) in enumerate(zip(("localizing", "anchors"), counts, strict=True)):
-            above.plot(
-                number, values, color=LINES[i], linestyle=("-", (0, (4, 2)))[i], marker=".", label=label
-            )
-        for i, (label, values) in enumerate(zip(("swarms in a group, mean", "most"), groups, strict=True)):
-            below.plot(
-                number, values, color=LINES[i + 2], linestyle=("-", (0, (4, 2)))[i], marker=".", label=label
-            )
-        above.set_ylabel("FLSs")
-        below.set_ylabel("swarms")
-        legend_above(above, 2)
-        legend_above(below, 2)
-        above.set_ylim(bottom=0)
-        below.set_ylim(bottom=0)
-        over_time(below, clock)
+        panels = [("FLSs", ("localizing", "anchors"), counts)]
+        panels += [("swarms", ("swarms in a group, mean", "most"), groups)] if groups else []
+        places = canvas.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        colours = iter(LINES)
+        for axes, (unit, labels, curves) in zip(places, panels, strict=True):
+            for style, label, values in zip(("-", (0, (4, 2))), labels, curves, strict=True):
+                axes.plot(number, values, color=next(colours), linestyle=style, marker=".", label=label)
+            axes.set_ylabel(unit)
+            legend_above(axes, 2)
+            axes.set_ylim(bottom=0)
+        over_time(places[-1], clock)
 
     alt = (
         f"In the first round {counts[0][0]:.0f} FLSs localize relative to {counts[1][0]:.0f} anchors"
         if len(number)
         else "-"
     )
-    caption = f"{alt}. Below: how many swarms merge at one anchor; it peaks right after a thaw."
-    titles = ["round", "localizing", "anchors", "group_mean", "group_max"]
+    below = " Below: how many swarms merge at one anchor; it peaks right after a thaw." if groups else ""
+    caption = f"{alt}.{below}"
+    titles = ["round", "localizing", "anchors", *names]
     return Figure(
         "merging", "Who localizes in each round", svg_of("merging", alt, draw, height=3.1), caption, alt, titles,
         columns_of(number, *counts, *groups),

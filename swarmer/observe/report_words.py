@@ -11,10 +11,12 @@ from typing import Any, NamedTuple
 
 from swarmer.config import load_config, setting_facts
 from swarmer.errors import SwarmerError
+from swarmer.observe.progress import LIT_MIN
 from swarmer.observe.report_drawing import ROUNDS, SECONDS, Clock, clock_of
 from swarmer.observe.report_page import Part, esc, scrolling, table
 from swarmer.observe.report_values import html_of, text_of
 from swarmer.observe.saved_run import SavedRun
+from swarmer.observe.summary import has_swarms
 from swarmer.observe.words import cells, count
 from swarmer.settings_file import preset_names
 
@@ -64,29 +66,32 @@ def _ending(summary: dict[str, Any], clock: Clock) -> str:
 
 
 def _shape(summary: dict[str, Any], clock: Clock) -> str:
-    cut, single = str(summary.get("status")) in CUT, single_of(summary)
-    if single is None:
-        one, but = ("had not become one swarm" if cut else "never became one swarm"), ", yet"
-    else:
-        one, but = (
-            ("had " * cut) + ("become" if cut else "became") + f" one swarm {moment(single, clock)}",
-            " and",
-        )
+    cut = str(summary.get("status")) in CUT
+    well, ill = _one_swarm(summary, clock, cut)
     lowest = summary.get("hd_min_cells")
     if lowest is None:
         unlit = "had not all been lit" if cut else "were never all lit"
-        return (
-            f"{one}{' but' if single is not None else ' and'} {unlit}, so no distance from the shape counts"
-        )
+        return f"{ill}{unlit}, so no distance from the shape counts"
     reached = {name: t for name, t in reached_of(summary).items() if t is not None}
     if not reached:
         formed = "had not formed" if cut else "did not form"
-        joint = " but" if single is not None else " and"
-        return f"{one}{joint} {formed} the shape: HD was never below 1 cell, {cells(lowest)} at best"
+        return f"{ill}{formed} the shape: HD was never below 1 cell, {cells(lowest)} at best"
     name = min(reached, key=float)
     came = "had come" if cut else "came"
     when = moment(reached[name], clock)
-    return f"{one}{but} {came} within {of_cells(name)} of the shape {when}{_since(summary, name)}"
+    return f"{well}{came} within {of_cells(name)} of the shape {when}{_since(summary, name)}"
+
+
+def _one_swarm(summary: dict[str, Any], clock: Clock, cut: bool) -> tuple[str, str]:
+    """Whether and when there was one swarm, before good news of the shape and before bad; empty for a yardstick."""
+    if not has_swarms(summary):
+        return "", ""
+    single = single_of(summary)
+    if single is None:
+        one = "had not become one swarm" if cut else "never became one swarm"
+        return f"{one}, yet ", f"{one} and "
+    one = f"{'had become' if cut else 'became'} one swarm {moment(single, clock)}"
+    return f"{one} and ", f"{one} but "
 
 
 def of_cells(threshold: str) -> str:
@@ -105,7 +110,8 @@ def _since(summary: dict[str, Any], name: str, changed: bool = False) -> str:
     last, share = summary.get("hd_cells"), summary.get("lit_share")
     points = summary.get("next_points" if changed else "points")
     if last is None:
-        return ", but too few are lit at the end"
+        few = share is not None and points is not None and share * points < LIT_MIN
+        return ", but too few are lit at the end" if few else "; how far away it ended is not known"
     lit = (
         f" with {share * points:.0f} of {count(points)} lit"
         if share is not None and points and share < 1
@@ -210,7 +216,7 @@ def lead(run: SavedRun) -> str:
     parts = [
         str(summary.get("status", "nothing whole")),
         f"engine {summary.get('engine', '?')}",
-        f"seed {summary.get('seed', '?')}",
+        f"seed {'?' if summary.get('seed') is None else summary['seed']}",
     ]
     if (spent := length_of(summary)) is not None:
         parts.append(
@@ -238,8 +244,12 @@ def tiles(run: SavedRun) -> str:
         (cells(summary.get("hd_absolute_cells")), "the same without translation", ""),
         (clock.say(reached.get(lowest)) if reached else "–", f"until HD < {lowest}", ""),
         *_next_tile(summary),
-        (clock.say(single_of(summary)), f"until one swarm{_times(summary)}", ""),
-        (count(summary.get("thaws")), "thaws", ""),
+        (
+            clock.say(single_of(summary)) if has_swarms(summary) else "–",
+            f"until one swarm{_times(summary)}",
+            "",
+        ),
+        (count(summary.get("thaws")) if has_swarms(summary) else "–", "thaws", ""),
         (cells(summary.get("distance_cells_mean")), "cells flown by an FLS, mean", ""),
         (count(summary.get("datagrams_sent")), "datagrams sent", ""),
         (count(summary.get("failures")) if summary.get("failures") else "–", "FLSs failed", "warn"),

@@ -9,6 +9,8 @@ from swarmer.engines.result import Lateness, RunResult
 from swarmer.observe.progress import THRESHOLDS, Progress
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from swarmer.plan import Plan
 
 FORMAT = 1
@@ -87,6 +89,7 @@ WORDS = (
     "engine", "shape", "status", "message", "faithful", "trace_sha256", "invariant_violations", "converged",
     "formation_rounds", "fixes_failed", "next_shape", "assigned_optimally",
 )  # fmt: skip
+OF_SWARMS = ("single_swarm_count", "swarms_last")  # besides `thaws_at_one_swarm`
 HD_TIMES = (
     "time_to_hd_s",
     "time_to_hd_absolute_s",
@@ -98,6 +101,11 @@ WITHIN = {
     **dict.fromkeys(HD_TIMES, THRESHOLDS),
     **dict.fromkeys(("timer_late_ms", "handled_late_ms"), Lateness._fields),
 }
+
+
+def has_swarms(summary: Mapping[str, Any]) -> bool:
+    """False for a yardstick: the rounds engine counts thaws for techniques of swarms alone."""
+    return summary.get("engine") != "rounds" or summary.get("thaws_at_one_swarm", 0) is not None
 
 
 def number_names() -> list[str]:
@@ -131,7 +139,7 @@ def transition_facts(plan: Plan) -> dict[str, Any]:
 
 
 def make_summary(
-    progress: Progress, result: RunResult, shape: str, points: int, seed: int, flss: int | None = None
+    progress: Progress, result: RunResult, shape: str, points: int, seed: int | None, flss: int | None = None
 ) -> dict[str, Any]:
     """Every name of summary.json; no value is NaN or infinite.
 
@@ -189,6 +197,8 @@ def make_summary(
             "rounds_to_hd_absolute": None if absolute is None else _whole_rounds(absolute),
             **dict.fromkeys(OF_A_CLOCK),
         }
+    if not has_swarms(summary):
+        summary |= dict.fromkeys(OF_SWARMS)
     summary.update(getattr(result, "extra", None) or {})
     return {name: plain(value) for name, value in summary.items()}
 

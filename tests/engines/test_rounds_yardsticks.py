@@ -108,6 +108,8 @@ def test_a_run_with_a_yardstick(technique):
     assert result.status == "done"
     assert not result.extra["converged"]
     assert result.extra["first_single_swarm_round"] is None
+    assert "thaws_at_one_swarm" not in result.counters
+    assert "single_swarm_count" not in result.extra
     assert all(len(np.unique(snapshot.swarm)) == 94 for snapshot in watcher.samples)
     again = play(shape="butterfly", points=None, technique=technique, **{"rounds.max_rounds": 30})[1]
     assert np.array_equal(watcher.samples[-1].position, again.samples[-1].position)

@@ -8,9 +8,12 @@ import pytest
 from click.testing import CliRunner
 
 from swarmer.commands.replay import command as replay
+from swarmer.config import load_config
+from swarmer.engines.result import Event
 from swarmer.errors import SwarmerError
+from swarmer.experiments.one_run import perform
 from swarmer.observe import saved_run
-from swarmer.observe.report import make_report
+from swarmer.observe.report import derived_summary, first_single_swarm, make_report
 from swarmer.observe.saved_run import load
 
 NAMES = ("config.yaml", "manifest.json", "summary.json", "events.csv", "timeline.npz")
@@ -97,6 +100,15 @@ def test_a_run_killed_in_its_first_second_has_left_samples(tmp_path, fake):
     assert len(load(tmp_path / "run").timeline.t_s) >= 5
 
 
+def test_a_seed_that_nothing_tells_is_not_made_up(finished_run, tmp_path, quick):
+    run = shutil.copytree(finished_run, tmp_path / "run")
+    for name in ("config.yaml", "manifest.json", "summary.json"):
+        (run / name).unlink()
+    page = make_report([load(run)])
+    assert "unfinished, engine ?, seed ?, " in page
+    assert "None" not in page
+
+
 def test_killed_run_is_reported_from_its_streams(tmp_path, fake):
     from swarmer.observe.collector import Collector
     from swarmer.observe.run_directory import RunDirectory
@@ -109,6 +121,36 @@ def test_killed_run_is_reported_from_its_streams(tmp_path, fake):
     page = make_report([run])
     assert "unfinished" in page
     assert run.summary["time_to_hd_s"]["0.1"] is not None
+
+
+@pytest.mark.parametrize("policy", ["roster", "centralized", "timer"])
+def test_a_run_without_its_summary_was_one_swarm_as_soon_as_with_it(tmp_path, policy):
+    """A thaw at one swarm comes before a sample shows it: the counters and the events know of it."""
+    settings = {"engine": "virtual", "shape": "dragon", "points": 30, "duration_s": 12, "thaw.policy": policy}
+    done = perform(load_config(**settings), tmp_path / "run")
+    known = done.summary["first_single_swarm_s"]
+    (tmp_path / "run" / "summary.json").unlink()
+    run = load(tmp_path / "run")
+    found = derived_summary(run)["first_single_swarm_s"]
+    assert known - 0.05 <= found <= known + 0.1
+    run.timeline.series = {}
+    blind = derived_summary(run)["first_single_swarm_s"]
+    assert blind == pytest.approx(found) if policy == "centralized" else blind >= found
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "known"),
+    [
+        ("thaw", "thaw 1 began", False),
+        ("thaw", "overdue", False),
+        ("thaw", "one swarm", True),
+        ("single_swarm", "", True),
+    ],
+)
+def test_only_thaws_that_say_so_were_at_one_swarm(finished_run, kind, text, known):
+    run = load(finished_run)
+    run.timeline.series, run.events = {}, [Event(0.3, kind, 0, text), Event(1e6, "single_swarm", 0, "")]
+    assert first_single_swarm(run.events, run.timeline) == (0.3 if known else None)
 
 
 @pytest.mark.parametrize("name", ["config.yaml", "manifest.json", "summary.json"])

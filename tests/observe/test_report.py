@@ -303,6 +303,7 @@ def test_a_run_of_rounds_is_told_in_rounds(finished_run, tmp_path):
     run.summary = nothing | {
         "format": 1, "engine": "rounds", "shape": "ball", "points": 40, "seed": 1, "status": "done", "rounds": 21,
         "hd_cells": 0.05, "hd_min_cells": 0.05, "first_single_swarm_round": 5, "single_swarm_count": 4,
+        "thaws_at_one_swarm": 3,
         "rounds_to_hd": {"1": 12, "0.1": 20, "0.09": 21, "0.01": None}, "time_to_hd_s": dict.fromkeys(("1", "0.1")),
     }  # fmt: skip
     run.timeline.series = {}
@@ -379,7 +380,14 @@ VERDICTS = [
         {"hd_min_cells": 0.05, "hd_cells": 4.0, "time_to_hd_s": {"0.1": 7.0, "1": 3.0}},
         "but ended 4.00 cells away",
     ),
-    ({"hd_min_cells": 0.05, "time_to_hd_s": {"0.1": 7.0}}, "too few are lit at the end"),
+    (
+        {"hd_min_cells": 0.05, "time_to_hd_s": {"0.1": 7.0}, "points": 100, "lit_share": 0.01},
+        "after 7.0 s, but too few are lit at the end.",
+    ),
+    (
+        {"hd_min_cells": 0.05, "time_to_hd_s": {"0.1": 7.0}, "points": 100, "lit_share": 1.0},
+        "after 7.0 s; how far away it ended is not known.",
+    ),
     ({"faithful": False, "engine": "process"}, "this machine was too slow, so do not trust the times"),
     ({"faithful": False, "engine": "virtual"}, "the FLSs could not keep up"),
     ({"faithful": True}, "the run can be trusted"),
