@@ -64,6 +64,7 @@ def endings_wait() -> Iterator[Callable[[], None]]:
     would not do: one that is for the process reaches any thread of a library that does not.)
     """
     came: list[int] = []
+    _lost.clear()
     before = {number: signal.getsignal(number) for number in ENDINGS}
     waiting = {number for number, handler in before.items() if handler is not signal.SIG_IGN}
 
@@ -81,6 +82,7 @@ def endings_wait() -> Iterator[Callable[[], None]]:
     try:
         yield let_them_come
     finally:
+        _lost.clear()
         for number in waiting:  # nothing was begun
             signal.signal(number, before[number])
 
@@ -91,7 +93,19 @@ def endings_over() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
+_lost: list[int] = []  # endings that were raised as exceptions, until who plays the run has asked
+
+
+def one_was_lost() -> bool:
+    """True if an ending came and the run goes on all the same: a library has caught the exception that it became.
+
+    Finalizers, and callbacks from compiled code, cannot pass one on. For the engine to ask when it begins to listen.
+    """
+    return bool(_lost)
+
+
 def _as_ctrl_c(number: int, frame: FrameType | None) -> None:
+    _lost.append(number)
     raise KeyboardInterrupt
 
 

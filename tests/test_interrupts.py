@@ -128,3 +128,25 @@ print("alive")
         preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN),
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (0, "alive\n")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_an_ending_that_a_library_swallows_is_told_to_the_engine(number):
+    code = f"""
+import os
+from swarmer.engines.stopping import told_to_stop
+from swarmer.interrupts import endings_wait, one_was_lost
+class Swallows:
+    def __del__(self): os.kill(os.getpid(), {int(number)})
+with endings_wait() as let_them_come:
+    let_them_come()
+    swallows = Swallows(); del swallows
+    with told_to_stop(lambda: print("told")):
+        print("goes on")
+assert not one_was_lost()
+with told_to_stop(lambda: print("not told again")):
+    pass
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, preexec_fn=hearing)
+    assert (done.returncode, done.stdout) == (0, "told\ngoes on\n")
+    assert "KeyboardInterrupt" in done.stderr, "it was swallowed"

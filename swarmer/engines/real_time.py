@@ -21,7 +21,7 @@ from swarmer.engines.result import Event, Live, Observer, RunResult, Snapshot
 from swarmer.engines.specs import why_it_left
 from swarmer.engines.thaws import Sight, ThawsInHindsight, ThawTally, ThawWatch
 from swarmer.errors import RunFailed
-from swarmer.interrupts import ENDINGS, heeded
+from swarmer.interrupts import ENDINGS, heeded, one_was_lost
 from swarmer.messages import Kind
 from swarmer.metrics.swarms import swarm_names
 from swarmer.next_shape import standing_at
@@ -94,6 +94,8 @@ class RealTimeRun(ABC):
             # Not in the main thread: the caller's business.
             with contextlib.suppress(ValueError, RuntimeError):
                 asyncio.get_running_loop().add_signal_handler(number, self._interrupt)
+        if one_was_lost():
+            self._interrupt()
 
     async def _all_ready(self) -> bool:
         """Wait until every FLS is ready; False if the run was stopped before."""

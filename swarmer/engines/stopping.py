@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from types import FrameType
 
-from swarmer.interrupts import ENDINGS, heeded
+from swarmer.interrupts import ENDINGS, heeded, one_was_lost
 
 PATIENCE_S = (
     2.0  # after which whoever has been told and goes on is taken to hang, in somebody's technique say
@@ -35,6 +35,8 @@ def told_to_stop(tell: Callable[[], None]) -> Iterator[None]:
 
     before = {number: signal.signal(number, answer) for number in filter(heeded, ENDINGS)}
     try:
+        if one_was_lost():
+            tell()
         yield
     finally:
         for number, handler in before.items():
