@@ -291,3 +291,31 @@ def test_a_low_limit_on_processes_is_named(tmp_path):
         limits.check_limits(10_000_000)
     assert resource.getrlimit(resource.RLIMIT_NPROC)[1] == hard
     resource.setrlimit(resource.RLIMIT_NPROC, (soft, hard))
+
+
+SWALLOWED = """
+import os, signal, sys
+from swarmer import cli
+from swarmer.observe.collector import Collector
+class Swallows:
+    def __del__(self): os.kill(os.getpid(), signal.SIGINT)
+planned = Collector.planned
+def swallowing(self, plan):
+    planned(self, plan)
+    swallows = Swallows(); del swallows
+Collector.planned = swallowing
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.argv[0] = 'swarmer-run'
+cli.main_run()
+"""
+
+
+@pytest.mark.parametrize("engine", ["process", "virtual"])
+def test_an_ending_that_was_swallowed_before_the_launch_ends_the_run(tmp_path, engine):
+    more = ["--shape", "random", "--points", "5", "--duration", "100000", "--no-recording", "--out", "run"]
+    done = subprocess.run(
+        [sys.executable, "-c", SWALLOWED, "--engine", engine, *more],
+        cwd=tmp_path, capture_output=True, text=True, timeout=90,
+    )  # fmt: skip
+    assert done.returncode == 130, done.stderr
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["status"] == "interrupted"
